@@ -126,6 +126,31 @@ def within(x: Reals, rounds: int, asks: bool) -> float:
     waited = wait(rounds, x[2])
     return seldom(x) + 0.0 * waited if asks else waited
 """
+PUT_OFF = """
+import signal
+import numpy as np
+import callee
+from caller import outer
+from rungwise.cli.terminal import heard_at_once
+signal.signal(signal.SIGINT, signal.default_int_handler)
+kept = {name: getattr(callee, name).inside for name in ("grow", "seldom")}
+class Loading:
+    def __init__(self, name):
+        self.name = name
+    def address(self, types):
+        signal.raise_signal(signal.SIGINT)
+        print(self.name, "loaded")
+        return kept[self.name].address(types)
+for name in kept:
+    getattr(callee, name).__dict__["inside"] = Loading(name)
+    try:
+        with heard_at_once():
+            outer(np.ones(3), name == "grow")
+    except KeyboardInterrupt:
+        getattr(callee, name).__dict__["inside"] = kept[name]
+        print("interrupted", outer(np.ones(3), name == "grow"))
+"""
+"""A signal comes while a kernel is being loaded."""
 FOR_ANY_PROCESSOR = """
 import os
 os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = "generic", ""
@@ -253,6 +278,15 @@ def test_an_interrupt_before_linking_begins_is_one_of_the_call(
     out, err = start(INTERRUPTED).communicate(timeout=120)
     assert out.split() == ["interrupted", "2.0", "interrupted", "-2.0"] * 2
     assert "Error" not in err and "Exception" not in err, err
+
+
+def test_the_command_line_raises_an_interrupt_when_the_kernel_is_loaded(run: Run) -> None:
+    loaded = [
+        word
+        for name, total in (("grow", "6.0"), ("seldom", "-4.0"))
+        for word in (name, "loaded", "interrupted", total)
+    ]
+    assert run(PUT_OFF) == loaded
 
 
 def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> None:

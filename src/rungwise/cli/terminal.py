@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn, Protocol
 
 from rungwise.errors import InputError
@@ -70,19 +71,37 @@ def writable_to(out: Path | None, more: str = "") -> Iterator[None]:
 
 @contextmanager
 def heard_at_once() -> Iterator[None]:
-    """Within the context Ctrl-C ends compiled loops, too, which Python itself waits for."""
+    """Within the context Ctrl-C ends compiled loops, too, which Python itself waits for.
+
+    It waits for a kernel that is being loaded: in the middle of its work a compiler may lose an interrupt."""
     heard, told = socket.socketpair()
     told.setblocking(False)
     watcher = threading.Thread(target=_watch, args=(heard,), daemon=True)
     watcher.start()
     before = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     try:
         yield
     finally:
+        signal.signal(signal.SIGINT, handler)
         signal.set_wakeup_fd(before)
         told.close()
         watcher.join()
         heard.close()
+
+
+def _interrupt(_signal: int, frame: FrameType | None) -> None:
+    """Raise the interrupt, or leave that to the call of a kernel within which something is being loaded."""
+    calls = sys.modules.get("rungwise.compilation.calls")
+    above = None if frame is None else frame.f_back
+    while calls is not None and above is not None:
+        if above.f_code is calls.call.__code__:
+            calls.thread.error = KeyboardInterrupt()
+            return
+        above = above.f_back
+    raise KeyboardInterrupt
 
 
 def _watch(heard: socket.socket) -> None:
