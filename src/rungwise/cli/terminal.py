@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 
 from rungwise.errors import InputError
 
@@ -94,10 +94,11 @@ def heard_at_once() -> Iterator[None]:
 
 def _interrupt(_signal: int, frame: FrameType | None) -> None:
     """Raise the interrupt, or leave that to the call of a kernel within which something is being loaded."""
-    calls = sys.modules.get("rungwise.compilation.calls")
+    calls: Any = sys.modules.get("rungwise.compilation.calls")
+    call = getattr(calls, "call", None)  # None while the module itself is being loaded
     above = None if frame is None else frame.f_back
-    while calls is not None and above is not None:
-        if above.f_code is calls.call.__code__:
+    while call is not None and above is not None:
+        if above.f_code is call.__code__:
             calls.thread.error = KeyboardInterrupt()
             return
         above = above.f_back
