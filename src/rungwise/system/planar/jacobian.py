@@ -36,7 +36,7 @@ def enter_rows(
     add_rows(bodies[b], pose[b], point, -1.0, rows, 2 * k)
 
 
-@kernel
+@inner_kernel
 def add_rows(body: Record, pose: Reals, point: Reals, sign: float, rows: Reals, first: int) -> None:
     """Add what the motion of one body adds to rows `first` and `first + 1`."""
     nx, ny = point[NORMAL_X], point[NORMAL_Y]

@@ -150,7 +150,7 @@ def _turned(
     return float(state.clock[0].time - (1.0 - high) * h)
 
 
-@kernel
+@inner_kernel
 def interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
     """Places, gaps and time at a part of the last step, linear in time; speeds and forces are those of its
     end."""
