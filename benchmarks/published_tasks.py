@@ -13,7 +13,8 @@ planned in four ways, all ways of a seed in turn: with and without contact modes
 then on dynamic-compliant (the ladder), or on dynamic-compliant alone. A task counts as solved where there is
 a plan on dynamic-compliant, and as held where its replay at a tenth of the error comes to the goal there.
 Searches that find nothing count with their seconds; a ">" stands before the ratio where at least half do.
-Steps are medians, searches that found nothing included.
+Steps are medians, searches that found nothing included; so are the seconds of `searching`, those on stages,
+without the diagnosis between stages and the replay that confirms a plan.
 """
 
 from __future__ import annotations
@@ -79,6 +80,7 @@ class Tally:
     solved: int = 0
     held: int = 0
     seconds: list[float] = field(default_factory=list)
+    searching: list[float] = field(default_factory=list)
     steps: dict[str, list[int]] = field(default_factory=lambda: {rung.name: [] for rung in RUNGS})
 
     def add(self, way: Way, scene: rw.Scene, seed: int, limit: float) -> None:
@@ -86,6 +88,7 @@ class Tally:
         began = time.perf_counter()
         plan = way.plan(scene, seed, limit)
         self.seconds.append(time.perf_counter() - began)
+        self.searching.append(sum(record.seconds for record in plan.records))
         for name, counts in self.steps.items():
             counts.append(sum(r.steps for r in plan.records if r.stage.split(" ")[0] == name))
         if plan.found:
@@ -158,7 +161,7 @@ def suits_modes(scene: rw.Scene) -> bool:
 def print_schedules(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
     """A row for each task and way, and in how many tasks the first way is faster than all others."""
     print(
-        f"{'task':34} {'way':22} {'solved':>8} {'held':>5} {'median s':>9} {'ratio':>7}"
+        f"{'task':34} {'way':22} {'solved':>8} {'held':>5} {'median s':>9} {'ratio':>7} {'searching':>9}"
         f" {'quasistatic-rigid':>18} {'dynamic-compliant':>18}"
     )
     gains = dict[str, float]()
@@ -190,7 +193,8 @@ def print_tallies(name: str, tallies: Mapping[str, Tally]) -> float:
         steps = [np.median(tally.steps[rung.name]) for rung in (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)]
         print(
             f"{name:34} {label:22} {tally.solved:2} of {len(tally.seconds):2} {tally.held:5}"
-            f" {medians[label]:9.2f} {ratio:>7} {steps[0]:18.0f} {steps[1]:18.0f}",
+            f" {medians[label]:9.2f} {ratio:>7} {np.median(tally.searching):9.2f}"
+            f" {steps[0]:18.0f} {steps[1]:18.0f}",
             flush=True,
         )
     if tallies[first].mostly_fails:

@@ -25,9 +25,9 @@ class ScheduleOfStagesError(InputError):
 
 
 def usual(task: Task, to: Rung | str) -> str:
-    """The schedule that wins `benchmarks/planning.py --schedules` on tasks of this kind: where robots push
-    slowly, the quasistatic rung predicts what the last one does, in fewer steps; where fingers hold an object
-    against its weight, it says with which forces."""
+    """The schedule of a task that is given none: where robots push slowly, the quasistatic rung predicts what
+    the last one does, in fewer steps; where fingers hold an object against its weight, it says with which
+    forces. `docs/schedules.md` compares schedules on both kinds."""
     try:
         above = LADDER.index(rung(to)) > LADDER.index(QUASISTATIC_RIGID)
     except ValueError as error:
