@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.deadline import Deadline
+from rungwise.deadline import Deadline, end_all
 from rungwise.world.run import simulation_of
 from tests.simulation.conftest import MOVING
 
@@ -50,7 +50,7 @@ class Hand:
         self._looks -= 1
         if self._looks < 0 and done >= self._done:
             self._made[-1].ends = 0.0
-            self._made[-1]._fill()
+            end_all()
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)
