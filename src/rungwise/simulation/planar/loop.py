@@ -300,7 +300,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     return NOT_CONVERGED
 
 
-@kernel
+@rare_kernel
 def _ended(conditions: Conditions, inputs: Inputs, h: float, exact: bool, workspace: Workspace) -> float:
     """Note since when parts of conditions hold, after a step of length h; returns when the first of them will
     have held long enough, inf if none waits. With `exact` this may be within the step, which is then to be

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
+from rungwise.kernel import RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.outcome import Code
 from rungwise.scene.language.expression import TIMES, evaluate, holds
 from rungwise.scene.template.records import FORCE, SERVO, Records
@@ -104,10 +104,11 @@ def look_back(
     count = max(1, math.ceil(SIGHTS * h / control[0].longest - 1e-9))
     before, after = 0.0, 1.0
     found = verdict != RUNNING or until_margin(inputs, workspace) >= 0.0
-    found |= _turns(conditions, inputs, state, scratch)
+    lasting = lasts(conditions) or until_lasts(inputs)
+    found |= lasting and _turns(conditions, inputs, state, scratch)
     for k in range(1, count):
         interpolate(k / count, h, state, scratch)
-        if _is_met(conditions, inputs, workspace):
+        if _is_met(conditions, inputs, lasting, workspace):
             after, found = k / count, True
             break
         before = k / count
@@ -116,7 +117,7 @@ def look_back(
         if not before < middle < after:
             break
         interpolate(middle, h, state, scratch)
-        if _is_met(conditions, inputs, workspace):
+        if _is_met(conditions, inputs, lasting, workspace):
             after = middle
         else:
             before = middle
@@ -125,13 +126,14 @@ def look_back(
 
 
 @kernel
-def _is_met(conditions: Conditions, inputs: Inputs, workspace: Workspace) -> bool:
+def _is_met(conditions: Conditions, inputs: Inputs, lasting: bool, workspace: Workspace) -> bool:
+    """Whether a condition holds or, where some are `lasting`, a part turned that must hold for a time."""
     state, scratch = workspace.state, workspace.scratch
-    met = _verdict(conditions, state, scratch) != RUNNING
-    return met or until_margin(inputs, workspace) >= 0.0 or _turns(conditions, inputs, state, scratch)
+    met = _verdict(conditions, state, scratch) != RUNNING or until_margin(inputs, workspace) >= 0.0
+    return met or (lasting and _turns(conditions, inputs, state, scratch))
 
 
-@kernel
+@rare_kernel
 def _turns(conditions: Conditions, inputs: Inputs, state: State, scratch: Scratch) -> bool:
     """Whether some part that must hold for a time turned on the way of the step."""
     code, constants, table = conditions
