@@ -80,20 +80,21 @@ import waiting
 from rungwise.kernel import steady
 numbers = np.ones(3)
 waiting.wait(1, 0.0)
-begun = time.perf_counter()
-waiting.wait(10**6, 0.0)
-rounds = int(10**6 * 0.2 / (time.perf_counter() - begun))
-signal.signal(signal.SIGALRM, signal.default_int_handler)
+begun = time.process_time()
+waiting.wait(10**7, 0.0)
+rounds = int(10**7 * 0.3 / (time.process_time() - begun))
+signal.signal(signal.SIGVTALRM, signal.default_int_handler)
 kernels = [waiting.first, waiting.second]
 for kernel in kernels + [steady(each) for each in (waiting.third, waiting.fourth)]:
     kernel(numbers, 1, False)
-    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    signal.setitimer(signal.ITIMER_VIRTUAL, 0.05)
     try:
         kernel(numbers, rounds, True)
     except KeyboardInterrupt:
         print("interrupted", kernel(numbers, 1, True))
 """
-"""A signal comes while compiled code runs that then asks for a kernel, or for one within another."""
+"""A signal comes while compiled code runs that then asks for a kernel, or for one within another. Times
+are of the processor: other work does not change them."""
 WAITING = """
 from callee import grow, seldom
 from rungwise.kernel import Reals, kernel

@@ -112,11 +112,12 @@ def compiled(
     template = scene.template
     conditions = [condition(scene, text, f"until.{k}") for k, text in enumerate(until)]
     programs, ways = Programs([*conditions, *with_times(conditions)]), template.names().ways
-    paced = template.conditions.reads(ways) or programs.reads(ways)
+    rests = template.conditions.reads(ways) or programs.reads(ways)
     return Inputs(
         speeds=template.timed_speeds(),
         numbers=template.timed_numbers(),
-        timed=np.array([template.reads_time, template.awaits_time, paced], np.int64),
+        timed=np.array([template.reads_time, template.awaits_time], np.int64),
+        rests=np.array([rests], np.int64),
         columns=np.array([template.parameters.index(name) for name in template.inputs], np.int64),
         durations=durations, levels=levels, ramps=ramps,
         code=programs.code, constants=programs.constants, table=programs.table,

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 PART, SLIDE, STICK = 0, 1, 2
 """What a contact does in a mode; which way it slides follows from the motion."""
@@ -150,7 +150,7 @@ def nonnegative(m: int, d: int, memory: Memory) -> float:
         best, which = _ROUNDING * size, -1
         for j in range(m):
             if inside[j] == 0 and memory.sizes[j] > 0.0:
-                along = _dot(columns[j], left, d) / memory.sizes[j]
+                along = dot(columns[j], left, d) / memory.sizes[j]
                 if along > best:
                     best, which = along, j
         if which < 0:
@@ -173,11 +173,12 @@ def nonnegative(m: int, d: int, memory: Memory) -> float:
             j = memory.passive[i]
             for r in range(d):
                 left[r] -= share[j] * columns[j, r]
-    return math.sqrt(_dot(left, left, d))
+    return math.sqrt(dot(left, left, d))
 
 
-@kernel
-def _dot(a: Reals, b: Reals, d: int) -> float:
+@inner_kernel
+def dot(a: Reals, b: Reals, d: int) -> float:
+    """The product of the first d entries."""
     total = 0.0
     for i in range(d):
         total += a[i] * b[i]
@@ -194,11 +195,11 @@ def _joined(j: int, count: int, d: int, memory: Memory) -> bool:
         factor[i, count] = 0.0
     for _ in range(2):
         for i in range(count):
-            along = _dot(basis[i], basis[count], d)
+            along = dot(basis[i], basis[count], d)
             factor[i, count] += along
             for r in range(d):
                 basis[count, r] -= along * basis[i, r]
-    norm = math.sqrt(_dot(basis[count], basis[count], d))
+    norm = math.sqrt(dot(basis[count], basis[count], d))
     if not norm > _RANK * memory.sizes[j]:
         return False
     factor[count, count] = norm
@@ -215,7 +216,7 @@ def _settled(count: int, d: int, memory: Memory) -> int:
     first = True
     while True:
         for i in range(count - 1, -1, -1):
-            total = _dot(memory.basis[i], memory.wanted, d)
+            total = dot(memory.basis[i], memory.wanted, d)
             for j in range(i + 1, count):
                 total -= memory.factor[i, j] * trial[j]
             trial[i] = total / memory.factor[i, i]
@@ -254,11 +255,11 @@ def contact_edges(mode: Ints, change: Reals, reserve: float, memory: Memory, beg
     cone, or the one against the slip by a change (k,). Returns where they end."""
     normals, tangents, friction = memory.normals, memory.tangents, memory.friction
     size, count = change.shape[0], begin
-    tol = TINY * (1.0 + math.sqrt(_dot(change, change, size)))
+    tol = TINY * (1.0 + math.sqrt(dot(change, change, size)))
     for i in range(mode.shape[0]):
         if mode[i] == PART:
             continue
-        slip = _dot(tangents[i], change, size)
+        slip = dot(tangents[i], change, size)
         sticks = mode[i] == STICK or abs(slip) <= tol
         for side in range(2 if sticks else 1):
             mu = (1.0 - reserve) * friction[i] * (1.0 - 2.0 * side)

@@ -14,6 +14,7 @@ from rungwise.planning.modes.cones import (
     TINY,
     Memory,
     contact_edges,
+    dot,
     grip,
     nonnegative,
     presses,
@@ -35,14 +36,6 @@ _SAME = 1e-5
 
 
 @kernel
-def _dot(a: Reals, b: Reals, d: int) -> float:
-    total = 0.0
-    for i in range(d):
-        total += a[i] * b[i]
-    return total
-
-
-@kernel
 def project(count: int, memory: Memory, motion: Reals) -> int:
     """Make a motion (k,) one against which no row of `held` (count, k) works; returns how many of these are
     independent, with their `axes`."""
@@ -51,7 +44,7 @@ def project(count: int, memory: Memory, motion: Reals) -> int:
     for step in range(size):
         best, which = 0.0, -1
         for i in range(count):
-            own = _dot(held[i], held[i], size)
+            own = dot(held[i], held[i], size)
             if own > best:
                 best, which = own, i
         best = math.sqrt(best)
@@ -61,11 +54,11 @@ def project(count: int, memory: Memory, motion: Reals) -> int:
             return step
         for c in range(size):
             axes[step, c] = held[which, c] / best
-        along = _dot(axes[step], motion, size)
+        along = dot(axes[step], motion, size)
         for c in range(size):
             motion[c] -= along * axes[step, c]
         for i in range(count):
-            along = _dot(axes[step], held[i], size)
+            along = dot(axes[step], held[i], size)
             for c in range(size):
                 held[i, c] -= along * axes[step, c]
     return int(size)
@@ -94,9 +87,9 @@ def projected(mode: Ints, want: Reals, motion: Reals, memory: Memory) -> bool:
     for c in range(size):
         motion[c] = want[c]
     project(hold(mode, memory), memory, motion)
-    tol = TINY * (1.0 + math.sqrt(_dot(motion, motion, size)))
+    tol = TINY * (1.0 + math.sqrt(dot(motion, motion, size)))
     for i in range(mode.shape[0]):
-        if mode[i] == PART and _dot(memory.normals[i], motion, size) < -tol:
+        if mode[i] == PART and dot(memory.normals[i], motion, size) < -tol:
             return False
     return True
 
@@ -106,7 +99,7 @@ def every_mode(contacts: int, want: Reals, memory: Memory) -> int:
     """Modes of so many contacts that make some of the wanted motion (k,), each motion once; returns how many
     there are, with their `modes` and `motions`, those that keep most contacts first."""
     count, found, size = min(contacts, MOST), 0, want.shape[0]
-    least, motion = GAIN * _dot(want, want, size), memory.hoped
+    least, motion = GAIN * dot(want, want, size), memory.hoped
     for number in range(count, -1, -1):
         for kept in range(2**count):
             bits = 0
@@ -123,7 +116,7 @@ def every_mode(contacts: int, want: Reals, memory: Memory) -> int:
                     mode[i] = PART
                     if i < count and (kept >> i) & 1:
                         mode[i] = STICK if sticking in (i, count) else SLIDE
-                if not projected(mode, want, motion, memory) or _dot(motion, want, size) < least:
+                if not projected(mode, want, motion, memory) or dot(motion, want, size) < least:
                     continue
                 if _is_new(motion, found, memory.motions):
                     for c in range(size):
@@ -157,11 +150,11 @@ def turn(surface: Reals, memory: Memory) -> None:
             for c in range(size):
                 memory.hoped[c] = surface[i, c]
             for j in range(step):
-                along = _dot(axes[j], memory.hoped, size)
+                along = dot(axes[j], memory.hoped, size)
                 for c in range(size):
                     memory.hoped[c] -= along * axes[j, c]
-            own = _dot(memory.hoped, memory.hoped, size)
-            if own > best and own > (_LEANS * _LEANS) * _dot(surface[i], surface[i], size):
+            own = dot(memory.hoped, memory.hoped, size)
+            if own > best and own > (_LEANS * _LEANS) * dot(surface[i], surface[i], size):
                 best, which = own, i
                 for c in range(size):
                     memory.change[c] = memory.hoped[c]
@@ -175,7 +168,7 @@ def turn(surface: Reals, memory: Memory) -> None:
         for b in range(count):
             total = 0.0
             for i in range(surface.shape[0]):
-                total += _dot(axes[a], surface[i], size) * _dot(axes[b], surface[i], size)
+                total += dot(axes[a], surface[i], size) * dot(axes[b], surface[i], size)
             gram[a, b] = total
     _invert(count, gram)
     for c in range(size):
@@ -208,7 +201,7 @@ def leans(m: int, mode: Ints, want: Reals, memory: Memory) -> bool:
     """Whether forces along `edges` (m, k) move an object on a support in a mode towards where it wants to go
     by `want` (k,): along turned @ edges. Then `change` is its motion, and `share` is what each edge takes of
     the force, to a scale."""
-    size, scale = want.shape[0], math.sqrt(_dot(want, want, want.shape[0]))
+    size, scale = want.shape[0], math.sqrt(dot(want, want, want.shape[0]))
     change, rows = memory.change, hold(mode, memory)
     for j in range(m):
         _slide(j, rows, memory)
@@ -221,14 +214,14 @@ def leans(m: int, mode: Ints, want: Reals, memory: Memory) -> bool:
             change[c] += scale * memory.share[j] * memory.columns[j, c]
     for j in range(m):
         memory.share[j] = memory.share[j] / memory.lengths[j] if memory.lengths[j] > 0.0 else 0.0
-    return _dot(change, want, size) >= GAIN * scale * scale
+    return dot(change, want, size) >= GAIN * scale * scale
 
 
 @kernel
 def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: Memory) -> bool:
     """As `leans`, with the edges of the fingers first, where each of these presses, and the mode is kept; the
     force is then as great as the support's friction, `limit` at most."""
-    scale, least, greatest = math.sqrt(_dot(want, want, want.shape[0])), math.inf, 0.0
+    scale, least, greatest = math.sqrt(dot(want, want, want.shape[0])), math.inf, 0.0
     if not leans(m, mode, want, memory):
         return False
     if fingers > 1:
@@ -244,7 +237,7 @@ def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: M
         for j in range(m):
             memory.wanted[c] += memory.share[j] * memory.edges[j, c]
     for c in range(want.shape[0]):
-        total += memory.wanted[c] * _dot(memory.turned[c], memory.wanted, want.shape[0])
+        total += memory.wanted[c] * dot(memory.turned[c], memory.wanted, want.shape[0])
     for j in range(m):
         memory.share[j] *= limit / math.sqrt(total)
     return True
@@ -270,14 +263,14 @@ def _slide(j: int, rows: int, memory: Memory) -> None:
     `lengths` is what it was."""
     size, column, total = memory.change.shape[0], memory.columns[j], 0.0
     for c in range(size):
-        column[c] = _dot(memory.turned[c], memory.edges[j], size)
+        column[c] = dot(memory.turned[c], memory.edges[j], size)
         total += column[c] * column[c]
     norm = math.sqrt(total)
     memory.lengths[j] = norm
     for c in range(size):
         column[c] = column[c] / norm if norm > 0.0 else 0.0
     for i in range(rows):
-        column[size + i] = RIGIDLY * _dot(memory.held[i], column, size)
+        column[size + i] = RIGIDLY * dot(memory.held[i], column, size)
 
 
 @kernel
@@ -285,12 +278,12 @@ def _keeps(mode: Ints, rows: int, scale: float, memory: Memory) -> bool:
     """Whether `change` keeps the contacts that a mode keeps, closes none, and slides as was hoped."""
     normals, tangents, size = memory.normals, memory.tangents, memory.change.shape[0]
     for i in range(rows):
-        if abs(_dot(memory.held[i], memory.change, size)) > KEPT * scale:
+        if abs(dot(memory.held[i], memory.change, size)) > KEPT * scale:
             return False
     for i in range(mode.shape[0]):
-        if _dot(normals[i], memory.change, size) < -KEPT * scale:
+        if dot(normals[i], memory.change, size) < -KEPT * scale:
             return False
-        slips = _dot(tangents[i], memory.change, size) * _dot(tangents[i], memory.hoped, size)
+        slips = dot(tangents[i], memory.change, size) * dot(tangents[i], memory.hoped, size)
         if mode[i] == SLIDE and slips < 0.0:
             return False
     return True

@@ -192,7 +192,7 @@ def first_verdict(setting: Setting, workspace: Workspace) -> int:
     """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
     segment has no time left for its condition."""
     inputs, control = setting.inputs, setting.control
-    if inputs.timed[2]:
+    if inputs.rests[0]:
         set_ways(setting.records, workspace.state)
     if not first_times(setting.conditions, inputs, workspace):
         return INVALID
@@ -236,7 +236,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             if rung[0].metric:
                 _note_leap(records, h, state)
             show_inputs(inputs, state)
-            if inputs.timed[2]:
+            if inputs.rests[0]:
                 set_ways(records, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:

@@ -112,7 +112,7 @@ class Space:
         self.lever[self.lever == 0.0] = length
         self.solids = Solids(
             body=m.geom_bodyid.astype(np.int64), size=sizes, law=self.laws.law, laws=self.laws.rows,
-            free=np.isnan(self.pace).astype(np.int64), span=spans(m),
+            free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._q = np.full(m.nq, np.nan)
@@ -335,7 +335,7 @@ class Space:
         self._q = q
 
 
-def spans(model: mujoco.MjModel) -> Ints:
+def moved_by(model: mujoco.MjModel) -> Ints:
     """The stretch (b, 2) of the velocities that may move each body: from the first of its mechanism to the
     last of its own."""
     found = np.zeros((model.nbody, 2), np.int64)

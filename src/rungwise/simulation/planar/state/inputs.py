@@ -24,8 +24,8 @@ class Inputs(Block):
 
     speeds     programs of the speeds of drives, which a step takes as they are in its middle
     numbers    programs of the other numbers
-    timed      (3,)    whether some number reads t, whether a condition of the scene does, and whether some
-               condition asks for rest
+    timed      (2,)    whether some number reads t, and whether a condition of the scene does
+    rests      (1,)    whether some condition asks for rest
     columns    (u,)    where expressions read the inputs
     durations  (s,)    lengths of the segments; time-outs of segments that end with a condition
     levels     (s, u)  inputs in a segment, or at its end where it ramps; nan: as before
@@ -38,6 +38,7 @@ class Inputs(Block):
     speeds: Numbers
     numbers: Numbers
     timed: Ints
+    rests: Ints
     columns: Ints
     durations: Reals
     levels: Reals
