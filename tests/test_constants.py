@@ -50,9 +50,20 @@ def test_what_decides_says_what_it_means_and_trades_and_its_tests_exist(table: M
 
 
 def test_every_number_is_used(table: ModuleType) -> None:
-    words = Counter(
-        word
-        for file in table.SOURCE.rglob("*.py")
-        for word in re.findall(r"\b_?[A-Z][A-Z_0-9]*\b", file.read_text())
+    texts = {
+        file.relative_to(table.SOURCE).as_posix(): file.read_text() for file in table.SOURCE.rglob("*.py")
+    }
+    assert [each for each in table.constants() if not _is_used(each.name, each.file, texts)] == []
+
+
+def _is_used(name: str, file: str, texts: dict[str, str]) -> bool:
+    """Whether the file has the name again, or another one imports it from there, or the module."""
+    word, module = (
+        re.compile(rf"\b{name}\b"),
+        file.removesuffix(".py").removesuffix("/__init__").replace("/", "."),
     )
-    assert [constant for constant in table.constants() if words[constant.name] < 2] == []
+    imported = re.compile(rf"from rungwise\.{module} import\b")
+    of_module = f"{module.rpartition('.')[2]}.{name}"
+    return len(word.findall(texts[file])) > 1 or any(
+        bool(imported.search(text) and word.search(text)) or of_module in text for text in texts.values()
+    )

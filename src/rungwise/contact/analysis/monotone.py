@@ -34,9 +34,10 @@ from rungwise.contact.judge.farkas import (
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
 
-_TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
-"""Zero for rates and forces, over 1 plus the scaled point's size; for eigenvalues, over the greatest; for the
-motion of a unit direction, over the motion's greatest coefficient. Chosen by trial, to a decade."""
+TIGHT, RANK, SAME = 1e-8, 1e-9, 1e-6
+"""Zero for rates and forces, over 1 plus the scaled point's size; for eigenvalues, over the greatest, and
+singular values of rows of length 1; for the motion of a unit direction, over the motion's greatest
+coefficient, and for the difference of two points, as for rates. Chosen by trial, to a decade."""
 
 
 class Demands(NamedTuple):
@@ -49,7 +50,7 @@ class Demands(NamedTuple):
 
     def met(self, point: Array) -> bool:
         """Whether the scaled point meets the demands, to rounding."""
-        room = _TIGHT * (1.0 + float(np.abs(point).max(initial=0.0)))
+        room = TIGHT * (1.0 + float(np.abs(point).max(initial=0.0)))
         return bool(
             (np.abs(point[list(self.zero)]) <= room).all()
             and (point[list(self.positive)] >= -room).all()
@@ -63,18 +64,18 @@ def is_monotone(system: System, motion: Array) -> bool:
         return False
     A = system.matrix().toarray()
     values, axes = np.linalg.eigh(0.5 * (A + A.T))
-    least = _RANK * max(float(np.abs(values).max()), 1e-300)
+    least = RANK * max(float(np.abs(values).max()), 1e-300)
     idle = axes[:, values <= least]
     largest = np.abs(motion).max(axis=1, initial=0.0)
     moved = (motion / np.where(largest > 0.0, largest, 1.0)[:, None]) @ idle
-    return bool(values[0] >= -least and np.abs(moved).max(initial=0.0) <= _SAME)
+    return bool(values[0] >= -least and np.abs(moved).max(initial=0.0) <= SAME)
 
 
 def widest(system: System, point: Array) -> Mode:
     """The mode, dividing no further, that leaves most to forces at the rates of the scaled point."""
     s, d = system, system.directions
     y = s.matrix() @ point + s.b
-    room = _TIGHT * (1.0 + float(np.abs(point).sum()))
+    room = TIGHT * (1.0 + float(np.abs(point).sum()))
     mode: list[int] = []
     for k, mu in enumerate(s.mu):
         normal, slip = y[k * d], y[k * d + 1 : (k + 1) * d]

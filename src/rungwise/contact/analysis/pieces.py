@@ -7,8 +7,8 @@ inequalities are strict, and multipliers p >= 0 of the exceptions, with p_E E + 
 of the null space of these rows. Source: Freund, Roundy and Todd, Identifying the set of always-active
 constraints (MIT, 1985).
 
-Everything is meant up to rounding: `_TIGHT` in the scaled system, whose rates without forces have norm 1, and
-relative to a point's own size; points closer than `_SAME` count as one; and solutions are excluded up to the
+Everything is meant up to rounding: `TIGHT` in the scaled system, whose rates without forces have norm 1, and
+relative to a point's own size; points closer than `SAME` count as one; and solutions are excluded up to the
 norm that `farkas` states.
 """
 
@@ -21,7 +21,7 @@ from enum import StrEnum
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.analysis.monotone import demands, is_monotone, widest
+from rungwise.contact.analysis.monotone import RANK, SAME, TIGHT, demands, is_monotone, widest
 from rungwise.contact.judge.farkas import (
     CLOSED,
     HULL,
@@ -43,9 +43,6 @@ from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.problem import Array, Problem
 from rungwise.plain import brief
 
-_TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
-"""Zero for rates and forces, over 1 plus the scaled point's size; for singular values of rows of length 1;
-for the difference of two points, as for rates. Chosen by trial, to a decade."""
 _NOTHING, _OWN = 2.0**-46, 1e-6
 """Motion that is rounding, over the coordinate's unit: 128 roundings of double precision. Violation of a row,
 over its own terms, up to which a solution holds: chosen by trial, to a decade."""
@@ -126,7 +123,7 @@ class Polyhedron:
 
     def contains(self, x: Array) -> bool:
         """Whether x is in the polyhedron, to rounding."""
-        room = _TIGHT * (1.0 + float(np.abs(x).max(initial=0.0)))
+        room = TIGHT * (1.0 + float(np.abs(x).max(initial=0.0)))
         equal = np.abs(self.E @ x - self.e).max(initial=0.0) <= room
         return bool(equal and (self.G @ x - self.g).min(initial=0.0) >= -room)
 
@@ -181,13 +178,13 @@ def freedom(shape: Polyhedron, point: Array, multipliers: Array) -> Array | None
     own = multipliers[equal:]
     tight = own > 0.0
     size = 1.0 + float(np.abs(point).sum())
-    if (own < 0.0).any() or not ((s.G @ point - s.g)[~tight] > _TIGHT * size).all():
+    if (own < 0.0).any() or not ((s.G @ point - s.g)[~tight] > TIGHT * size).all():
         return None
     if tight.any():
         left = multipliers @ np.vstack([s.E, s.G])
         gain = multipliers @ np.concatenate([s.e, s.g])
         slack = float(np.abs(left).max(initial=0.0)) * size + abs(float(gain))
-        if not slack <= _TIGHT * size * float(own[tight].min()):
+        if not slack <= TIGHT * size * float(own[tight].min()):
             return None
     return _null_space(np.vstack([s.E, s.G[tight]]))
 
@@ -197,7 +194,7 @@ def _null_space(rows: Array) -> Array:
         return np.zeros((0, 0))
     length = np.linalg.norm(rows, axis=1)
     _, values, basis = np.linalg.svd(rows / np.where(length > 0.0, length, 1.0)[:, None])
-    return np.asarray(basis[int((values > _RANK).sum()) :].T)
+    return np.asarray(basis[int((values > RANK).sum()) :].T)
 
 
 def motion_map(problem: Problem, system: System) -> tuple[Array, Array]:
@@ -226,7 +223,7 @@ def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
     """Dimension of the motions L x along the directions, and of the directions left when the motion is
     held."""
     total = directions.shape[1]
-    moved = int(np.linalg.matrix_rank(_in_own_units(motion) @ directions, _RANK)) if total else 0
+    moved = int(np.linalg.matrix_rank(_in_own_units(motion) @ directions, RANK)) if total else 0
     return moved, total - moved
 
 
@@ -238,7 +235,7 @@ def holds_in_own_terms(problem: Problem, x: Array) -> bool:
 def same(a: Array, b: Array, motion: Array | None = None) -> bool:
     """Whether two scaled points are the same, or have the same motion, to rounding."""
     step = b - a if motion is None else _in_own_units(motion) @ (b - a)
-    return bool(np.abs(step).max(initial=0.0) <= _SAME * (1.0 + float(np.abs(a).max(initial=0.0))))
+    return bool(np.abs(step).max(initial=0.0) <= SAME * (1.0 + float(np.abs(a).max(initial=0.0))))
 
 
 def classify(motion: Array, leaves: Sequence[Piece], undecided: int) -> Kind:

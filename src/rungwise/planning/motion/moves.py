@@ -27,9 +27,6 @@ from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.planar.boundary import Boundary, boundary
 from rungwise.world.questions import Question
 
-APART = 1e-9
-"""Part of the clearance below which a robot placed at an object counts as overlapping."""
-
 
 class Segments(NamedTuple):
     """Inputs (m, s, u) and durations (m, s) of one move of m plans; ramps (s,)."""
