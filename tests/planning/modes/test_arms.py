@@ -149,3 +149,15 @@ def test_an_arm_is_planned_and_lifted(gravity: float, goal: str) -> None:
     assert {"touch", "follow"} <= set(found.labels)
     assert found.records[0].stage.startswith("quasistatic-rigid")
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+
+
+def test_links_that_carry_a_finger_are_no_surroundings() -> None:
+    """They move with it: what touches the object there is in the way, and holds nothing."""
+    file = arm_at_a_box().file.model_dump(exclude_unset=True)
+    file["contacts"] = [*file["contacts"], {"between": ["upper", "box"]}]
+    work = begin(task_of(rw.load(file)), Budget(), 0, 1)
+    ground, names = Scene(work).grounds["box"], work.task.scene.template.contacts
+    upper = [k for k, pair in enumerate(names) if "upper" in pair and "box" in pair]
+    assert upper
+    assert set(upper) <= set(ground.avoided.tolist())
+    assert not set(upper) & set(ground.pairs.tolist())

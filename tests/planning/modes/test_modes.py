@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,11 @@ TRANSIT = {"transit": {"finger1": {"speed": 0.1, "clearance": 0.004, "push": [0.
 """How the finger of the block is led."""
 
 
-def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7, led: dict[str, Any] = TRANSIT) -> rw.Scene:
+def block_at_a_wall(
+    friction: float = 0.6, tilt: float = 0.7, led: dict[str, Any] = TRANSIT, damping: float = 15.0
+) -> rw.Scene:
     """A block on a floor, with its right side at a low wall about whose edge one finger tips it."""
-    drive = {"stiffness": 500, "damping": 15, "limit": 20}
+    drive = {"stiffness": 500, "damping": damping, "limit": 20}
     x, y = -WIDTH - 0.02, 0.03
     return rw.load(
         {
@@ -224,6 +227,40 @@ def test_fingers_of_a_task_are_led_as_those_of_transit() -> None:
     found = rw.plan(scene, to="quasistatic-rigid", seed=0)
     assert found.found, found.reason
     assert found.replay().outcome == rw.Outcome.GOAL
+
+
+OVER_TIME = {
+    "inputs": {"x1": {"range": [-0.3, 0.1], "rate": 0.1}, "y1": {"range": [0.005, 0.3], "rate": 0.1}}
+}
+"""Inputs that lead the finger of the block over time, without transit."""
+
+
+def test_fingers_that_inputs_lead_over_time_are_led_by_contact_modes() -> None:
+    """The plan holds on all rungs that know forces, and no input changes faster than it may."""
+    scene = block_at_a_wall(led=OVER_TIME)
+    found = rw.plan(scene, seed=1)
+    assert found.found, found.reason
+    assert "follow" in found.labels
+    for rung in rw.LADDER[2:]:
+        assert found.replay(rung, tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+    levels, durations = found.levels()
+    before = np.vstack([[scene.parameters()[name] for name in scene.template.inputs], levels[:-1]])
+    assert (np.abs(levels - before) <= 0.1 * (1.0 + 1e-6) * durations[:, None]).all()
+
+
+def test_a_schedule_that_is_too_fast_is_slowed_down() -> None:
+    """What holds on the quasistatic rung at any speed holds with inertia where it is slow enough."""
+    scene = block_at_a_wall(damping=1.0)
+    found = rw.plan(scene, to="quasistatic-rigid", seed=0)
+    assert found.found, found.reason
+    hurried = replace(
+        found, segments=tuple(replace(each, duration=0.1 * each.duration) for each in found.segments)
+    )
+    assert hurried.replay().outcome == rw.Outcome.GOAL
+    assert hurried.replay("dynamic-compliant").outcome != rw.Outcome.GOAL
+    lifted = rw.plan(scene, initial=hurried, seed=0)
+    assert lifted.found, lifted.reason
+    assert lifted.records[-1].how == "held more slowly"
 
 
 def _impossible() -> dict[str, tuple[rw.Scene, str]]:

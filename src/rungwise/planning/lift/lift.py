@@ -213,7 +213,7 @@ def _share(work: Work, stage: Stage, moving: Sequence[Stage], turn: int) -> floa
     last = moving[-1]
     if stage.model != last.model:
         others = sum(each.model != last.model for each in moving)
-        return max(SHARE, SLOWLY / others) if work.task.is_slow or work.task.is_led else SHARE
+        return max(SHARE, SLOWLY / others) if work.task.is_slow or work.named.task.is_led else SHARE
     return COARSELY if stage != last or (turn < TURNS - 1 and len(moving) > 1) else 1.0
 
 

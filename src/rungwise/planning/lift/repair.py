@@ -25,6 +25,8 @@ from rungwise.simulation.inputs import Segment
 HELD = "held"
 AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
 """How legs are made again: with which part of the load fingers press at least, and how much slower."""
+SLOWER = (2.0, 4.0, 8.0)
+"""How many times as slowly a schedule of servos' targets is run that fails as it is."""
 CONTINUED = (0.01, 0.1, 0.4, 1.0)
 """Parts of a rung's inertia through which a plan is led to it."""
 
@@ -73,7 +75,7 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
         if found is not None:
             return Lifted(found, HELD)
         repairs = (_by_moves, _by_suffix, _by_continuation, _within_the_reserve, _led_on)
-        for repair in (_leg_by_leg, _within_the_reserve) if before.is_by_modes else repairs:
+        for repair in (_more_slowly, _leg_by_leg, _within_the_reserve) if before.is_by_modes else repairs:
             found = repair(work, predictor, before) if work.budget.left else None
             if found is not None:
                 return Lifted(found, REPAIRS[repair.__name__])
@@ -84,7 +86,7 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
 
 
 REPAIRS = {
-    "_leg_by_leg": "led again leg by leg",
+    "_more_slowly": "held more slowly", "_leg_by_leg": "led again leg by leg",
     "_by_moves": "repaired move by move", "_by_suffix": "repaired at its end",
     "_by_continuation": "continued in inertia", "_within_the_reserve": "held within the reserve",
     "_led_on": "led on",
@@ -98,6 +100,20 @@ def _held(work: Work, predictor: Predictor, before: Before) -> Found | None:
         course = laid(work, predictor, before.vectors)
     reached = course is not None and course.reached
     return Found(course, before.vectors[: len(course.counts)]) if course is not None and reached else None
+
+
+def _more_slowly(work: Work, predictor: Predictor, before: Before) -> Found | None:
+    """The schedule as it is, but more slowly, which changes little where inertia counts for nothing; where
+    servos lead all fingers."""
+    planner = mode_planner(work, predictor)
+    if planner is None or any(not finger.carrier.by_place for finger in planner.scene.fingers):
+        return None
+    for factor in SLOWER:
+        slowed = tuple(replace(each, duration=factor * each.duration) for each in before.segments)
+        course = _replayed(work, predictor, replace(before, segments=slowed))
+        if course is not None and course.reached:
+            return Found(course, before.vectors[: len(course.counts)])
+    return None
 
 
 def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | None:

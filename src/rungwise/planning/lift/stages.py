@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from rungwise.errors import InputError
 from rungwise.models.ladder import LADDER, QUASISTATIC_RIGID, Rung, rung
 from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.task.fingers import with_fingers
 from rungwise.planning.task.task import Task
 from rungwise.scene.fields.values import shown
 from rungwise.wording import choices
@@ -32,7 +33,7 @@ def usual(task: Task, to: Rung | str) -> str:
         above = LADDER.index(rung(to)) > LADDER.index(QUASISTATIC_RIGID)
     except ValueError as error:
         raise ScheduleOfStagesError(str(error)) from None
-    return "quasistatic" if (task.is_slow or task.is_led) and above else "coarse-fine"
+    return "quasistatic" if (task.is_slow or with_fingers(task).is_led) and above else "coarse-fine"
 
 
 def stages(schedule: Schedule, from_: Rung | str | None, to: Rung | str) -> list[Stage]:

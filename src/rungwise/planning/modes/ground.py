@@ -83,12 +83,13 @@ class Ground:
         columns = np.flatnonzero(around.owners == body)
         touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
         pairs, avoided, own = list[int](), list[int](), [-1] * len(fingers)
+        links = {int(k) for f in fingers if f.arm is not None for k in around.owners[f.arm.columns]}
         for k, pair in enumerate(contacts):
             a, b = (names.index(name) for name in pair)
             of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
             if body in (a, b) and len(of_finger) == 1 and of_finger[0] in touching:
                 own[touching[of_finger[0]]] = k
-            elif of_finger:
+            elif of_finger or links & {a, b}:
                 avoided.append(k)
             elif body in (a, b):
                 pairs.append(k)

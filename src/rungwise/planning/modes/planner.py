@@ -49,7 +49,7 @@ IDLE = 8
 
 def suits(work: Work) -> bool:
     """Whether modes can be planned: a planar scene with fingers, and a goal that places decide."""
-    task = work.task
+    task = work.named.task
     return (
         world_of(task.scene).shapes == OUTLINES
         and (bool(task.carriers) or task.is_led)
@@ -86,7 +86,7 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)
-    idle, slides = 0, not work.task.is_led and not len(work.path)
+    idle, slides = 0, not work.named.task.is_led and not len(work.path)
     share = EVENLY if slides and not planner.is_barred else BY_MODES
     while work.budget.left and idle < IDLE:
         runs = work.budget.outcomes.total()
@@ -109,8 +109,8 @@ class ModePlanner:
     predictor: Predictor
 
     def __init__(self, work: Work) -> None:
-        self.work = work
-        self.scene = Scene(work)
+        self._asked, self.work = work, work.named
+        self.scene = Scene(self.work)
         self.nodes = [self.scene.root()]
         self.turn = 0
         goal = placed_part(work.task.search.file.goal or "")
@@ -198,7 +198,7 @@ class ModePlanner:
         after = self.scene.run(self.predictor, node, begun, manner)
         if after is None:
             return None
-        self.work.came_near(after.lack, after.places.q[0])
+        self._asked.came_near(after.lack, after.places.q[0])
         if after.grasps > self.work.task.moves[1]:
             self.work.failures["more moves than the task allows"] += 1
             return None
@@ -242,8 +242,8 @@ class ModePlanner:
     def _course(self, ground: Ground) -> Reals:
         """Places (k, n) of an object on its way from the start to the goal: as given, else sought; none where
         it goes straight."""
-        if len(self.work.path):
-            return self.work.path
+        if len(self._asked.path):
+            return self._asked.path
         if ground.body not in self._courses:
             q, work, found = self.work.start.q[0], self.work, None
             goals = self._goals(ground, q)

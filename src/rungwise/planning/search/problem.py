@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from rungwise.planning.motion.propagate import Budget, Places, Predictor, Stage
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes
+from rungwise.planning.task.fingers import with_fingers
 from rungwise.planning.task.task import Task, guarded_scene
 from rungwise.scene.language.lasting import names_in
 from rungwise.simulation.state import State
@@ -79,6 +80,15 @@ class Work:
     def pushes(self, stage: Stage) -> Pushes:
         """What pushes were seen to do on a stage."""
         return self.seen.setdefault(str(stage), Pushes(self.task))
+
+    @cached_property
+    def named(self) -> Work:
+        """The same, where the task names the fingers that it has without saying so (see `with_fingers`)."""
+        task = with_fingers(self.task)
+        if task is self.task:
+            return self
+        moves = _moves_of(task)
+        return replace(self, task=task, moves=moves, transit=moves.transit)
 
     @cached_property
     def goals(self) -> Reals:

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.task.task import Task
+from rungwise.planning.task.task import Task, task_of
+from rungwise.scene.fields.task import Finger as FingerFields
 from rungwise.world.carriers import Driven, TaskError, pair
 from rungwise.world.contract import OBJECT, OUTLINES, ROBOT, Instance, Load
 from rungwise.world.find import world_of
@@ -102,6 +103,23 @@ def stated_of(task: Task) -> dict[str, Finger]:
     if not task.scene.file.task.fingers or world_of(task.scene).shapes != OUTLINES:
         return {}
     return {finger.name: finger for finger in fingers_of(task)}
+
+
+def with_fingers(task: Task) -> Task:
+    """The task as one that names its fingers, where inputs over time lead all its robots, each input has a
+    rate, and each belongs to a finger on servos; else the task itself. So contact modes can lead it."""
+    fields = task.scene.file.task
+    if world_of(task.scene).shapes != OUTLINES or task.carriers or fields.fingers:
+        return task
+    found = fingers_of(task)
+    led = {name for finger in found for name in finger.inputs}
+    if not found or led != set(task.scene.template.inputs) or any(finger.is_rigid for finger in found):
+        return task
+    if not np.isfinite(task.rate).all():
+        return task
+    named = {each.name: FingerFields(speed=each.speed, clearance=each.clearance) for each in found}
+    scene = task.scene.changed(task=fields.model_copy(update={"fingers": named}))
+    return task_of(scene, task.parameters)
 
 
 def demand_known(task: Task) -> None:

@@ -27,6 +27,10 @@ OPTIONS = record_type("", "step duration tol longest jam budget span")
 is the run's own duration where it is nan; jam: in parts of the goal's tolerance; budget: greatest number of
 steps of a run."""
 
+NOWHERE = 0.3
+"""Part of the greatest number of steps: after so many attempts that lead no farther than a nominal step, a
+run with such a bound ends."""
+
 
 class Programs(Block):
     """The data shared by all samples: programs, checks, and the numbers that samples begin with."""
@@ -193,7 +197,7 @@ def _run(
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
     ended = _keep_switches(samples, i, 0, workspace)
     while outcome == RUNNING and signals[STOPPED] == 0 and workspace.scratch.halt[0] == 0:
-        if clock.steps >= options[0].budget:
+        if clock.steps >= options[0].budget or clock.crowd >= NOWHERE * options[0].budget:
             outcome = NOT_CONVERGED
             break
         outcome = run_step(setting, workspace)
