@@ -159,7 +159,7 @@ def hidden_unknowns(e: float) -> int:
 
 
 def opposed(e: float) -> tuple[Problem, Any]:
-    """Two rates, neither of which may be negative, whose sum is -e whatever the forces are; and the system."""
+    """Two rates that may not be negative; their sum is -e whatever the forces are. And the system."""
     problem = Problem.lcp(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([-1.0, 1.0 - e]))
     return problem, scaled(problem)
 

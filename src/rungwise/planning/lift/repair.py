@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -67,6 +68,16 @@ class Before:
         return tuple(b - a for a, b in pairwise(ends))
 
 
+class Repair(NamedTuple):
+    """A way to mend a plan that does not hold on a stage, in words; whether it is one for plans of moves, and
+    for plans by contact modes."""
+
+    made: Callable[[Work, Predictor, Before], Found | None]
+    words: str
+    of_moves: bool = True
+    of_modes: bool = False
+
+
 def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True) -> Lifted:
     """The plan on this stage: the same one if it holds, repaired, or with `anew` a new one."""
     predictor = work.predictor(stage)
@@ -74,23 +85,15 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
         found = _held(work, predictor, before)
         if found is not None:
             return Lifted(found, HELD)
-        repairs = (_by_moves, _by_suffix, _by_continuation, _within_the_reserve, _led_on)
-        for repair in (_more_slowly, _leg_by_leg, _within_the_reserve) if before.is_by_modes else repairs:
-            found = repair(work, predictor, before) if work.budget.left else None
+        for repair in REPAIRS:
+            fits = repair.of_modes if before.is_by_modes else repair.of_moves
+            found = repair.made(work, predictor, before) if fits and work.budget.left else None
             if found is not None:
-                return Lifted(found, REPAIRS[repair.__name__])
+                return Lifted(found, repair.words)
     found = anew_on(work, predictor) if anew else None
     if found is not None:
         return Lifted(found, "planned" if before is None else "planned anew")
     return Lifted(None, "nothing found")
-
-
-REPAIRS = {
-    "_more_slowly": "held more slowly", "_leg_by_leg": "led again leg by leg",
-    "_by_moves": "repaired move by move", "_by_suffix": "repaired at its end",
-    "_by_continuation": "continued in inertia", "_within_the_reserve": "held within the reserve",
-    "_led_on": "led on",
-}  # fmt: skip
 
 
 def _held(work: Work, predictor: Predictor, before: Before) -> Found | None:
@@ -263,3 +266,15 @@ def _after(work: Work, predictor: Predictor, vectors: Reals) -> Begun | None:
     if course.blocked or len(course.places) < len(vectors):
         return None
     return Begun(course.places[-1], course.levels)
+
+
+REPAIRS = (
+    Repair(_more_slowly, "held more slowly", of_moves=False, of_modes=True),
+    Repair(_leg_by_leg, "led again leg by leg", of_moves=False, of_modes=True),
+    Repair(_by_moves, "repaired move by move"),
+    Repair(_by_suffix, "repaired at its end"),
+    Repair(_by_continuation, "continued in inertia"),
+    Repair(_within_the_reserve, "held within the reserve", of_modes=True),
+    Repair(_led_on, "led on"),
+)
+"""In the order in which they are tried."""

@@ -6,7 +6,7 @@ goal are reached and laid out, and the search goes on from there, for these and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -131,8 +131,8 @@ def _goes_on(course: Course, count: int) -> bool:
 
 
 def _plans(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest: int) -> Iterator[Reals]:
-    """Plans (k, d) that come to their aim where robots are placed by hand: by a tree; composed of pushes that
-    were seen; and by shooting about the tree's best ways, for each number of moves that nearly lack least."""
+    """Plans (k, d) that come to their aim where robots are placed by hand: by a tree; by `PLANNERS`; and by
+    shooting about the tree's best ways, for each number of moves that nearly lack least."""
     pushes = work.pushes(predictor.stage)
     tree, way = grow(
         work.moves, predictor, begun.places, begun.levels, aim, deepest, ROUNDS, work.rng, pushes.note
@@ -140,7 +140,8 @@ def _plans(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest: in
     if len(way):
         yield way
     _note(work, aim, tree.lack, tree.q)
-    yield from _composed(work, predictor, begun, aim, deepest)
+    for planner in PLANNERS:
+        yield from planner(work, predictor, begun, aim, deepest)
     for count in range(1, deepest + 1):
         if tree.least(count) <= PROMISING * float(tree.lack.min()) and work.budget.left:
             seeds = tree.ways(count, WAYS)
@@ -210,3 +211,8 @@ def _laid_out(work: Work, predictor: Predictor, candidates: Iterator[Reals]) -> 
         if tried + 1 == LAID:
             break
     return None
+
+
+PLANNERS: tuple[Callable[[Work, Predictor, Begun, Aim, int], Iterator[Reals]], ...] = (_composed,)
+"""What yields plans besides trees and shooting, in the order in which they are tried: plans (k, d) of at most
+so many moves that come to the aim from where a search begins."""
