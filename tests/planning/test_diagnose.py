@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.diagnosis.diagnose import NOTHING, differing
+from rungwise.planning.diagnosis import deferred
+from rungwise.planning.diagnosis.diagnose import NOTHING, diagnosed, differing
+from rungwise.planning.plan import plan_of
 from rungwise.world.planar.variant import PlanarVariant as World
 
 PUSH = rw.load("push")
@@ -90,10 +94,19 @@ def test_what_snaps_because_contacts_yield_jams_without(after: str) -> None:
     assert max(found.details["compliance"]["overlap"]) == pytest.approx(2e-4, rel=0.02)
 
 
-def test_stages_on_which_nothing_is_found_are_diagnosed() -> None:
-    """By the first plan of a later stage."""
+def test_stages_on_which_nothing_is_found_are_diagnosed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the first plan of a later stage, once, when it is asked for; files keep what comes of it."""
+    made = list[str]()
+
+    def counted(*given: Any, **named: Any) -> rw.Diagnosis:
+        made.append(str(given[2]))
+        return diagnosed(*given, **named)
+
+    monkeypatch.setattr(deferred, "diagnosed", counted)
     stages = [(name, 1e-2) for name in ("kinematic", Q, "quasistatic-compliant", C)]
     plan = rw.plan("snap", schedule=stages, budget=30_000)
+    assert not made
+    assert plan_of(plan.text()).diagnosis == plan.diagnosis and len(made) == 2
     assert [record.how for record in plan.records] == ["nothing found", "nothing found", "planned", "held"]
     assert plan.found and [found.after for found in plan.diagnosis] == ["kinematic @ 0.01", f"{Q} @ 0.01"]
     for found in plan.diagnosis:

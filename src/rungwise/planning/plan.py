@@ -8,6 +8,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
@@ -21,6 +22,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
+from rungwise.planning.diagnosis.deferred import Deferred
 from rungwise.planning.diagnosis.diagnose import Diagnosis, table
 from rungwise.planning.motion.propagate import Stage
 from rungwise.scene import SceneError
@@ -86,8 +88,9 @@ class Plan:
     segments: the schedule; labels: what each of them is for ("transit", "push", "back", "hold"); moves
     (k, d): the vectors behind it; waypoints: places (n,) at the ends of moves; stage: the rung and the
     accuracy of the last stage on which it holds; tol: its error allowed per step, in the scene's unit;
-    cost: by the task; records: stage by stage; diagnosis: for each stage on which the plan before failed
-    or drifted; checks: of the modes of execution that were tried, where a rate of success was asked for;
+    cost: by the task; records: stage by stage; told: for each stage on which the plan before failed or
+    drifted, the diagnosis, or what makes it when `diagnosis` is asked for; checks: of the modes of execution
+    that were tried, where a rate of success was asked for;
     `reason` says why there is no plan, else it is empty.
     """
 
@@ -102,10 +105,17 @@ class Plan:
     cost: float = math.nan
     seed: int = 0
     records: tuple[Record, ...] = ()
-    diagnosis: tuple[Diagnosis, ...] = ()
+    told: tuple[Diagnosis | Deferred, ...] = ()
     checks: tuple[Check, ...] = ()
     reason: str = ""
     version: str = ""
+
+    @cached_property
+    def diagnosis(self) -> tuple[Diagnosis, ...]:
+        """For each stage on which the plan before failed or drifted, why. Where there is a plan it is made
+        when it is first asked for, in as many seconds as the limit of `plan` had left, one at least."""
+        found = (each.found if isinstance(each, Deferred) else each for each in self.told)
+        return tuple(each for each in found if each is not None)
 
     @property
     def found(self) -> bool:
@@ -338,7 +348,7 @@ def _from_values(scene: AnyScene, data: dict[str, Any]) -> Plan:
         stage=stage, tol=float(data["tol"]), seed=int(data["seed"]),
         cost=math.nan if data["cost"] is None else float(data["cost"]),
         records=tuple(Record(**record) for record in data["records"]),
-        diagnosis=tuple(Diagnosis.of(values) for values in data["diagnosis"]),
+        told=tuple(Diagnosis.of(values) for values in data["diagnosis"]),
         checks=tuple(Check(**values) for values in data["checks"]),
         reason=data["reason"], version=data["version"],
     )  # fmt: skip

@@ -8,7 +8,7 @@ and larger sets are tried: the cause is mixed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import combinations
 from pathlib import Path
 from textwrap import wrap
@@ -104,6 +104,10 @@ class Diagnosis:
         return [f"{cause}: {sentence(cause, numbers)}" for cause, numbers in told] + [
             ending(each, where) for each, where in zip(self.ends, on, strict=True) if "certificate" in each
         ]
+
+    def called(self, before: str, after: str) -> Diagnosis:
+        """The same between stages of these names."""
+        return replace(self, before=before, after=after)
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Diagnosis:

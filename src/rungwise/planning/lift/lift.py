@@ -16,10 +16,10 @@ from rungwise.deadline import TimeOver
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.outcome import Code
-from rungwise.planning.diagnosis.diagnose import APART, Diagnosis, Watch, diagnosed
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
-from rungwise.planning.lift.geometric_stage import NOTHING, in_the_way, nowhere, place, put, untouched
+from rungwise.planning.lift.explain import diagnoses, drifts, explained, in_what_is_left
+from rungwise.planning.lift.geometric_stage import NOTHING, in_the_way, nowhere, place, put
 from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.repair import HELD, Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
@@ -27,7 +27,7 @@ from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.plan import Plan, Record, installed, with_record
 from rungwise.planning.search.improve import better, cost_of
-from rungwise.planning.search.layout import Course, is_by_modes
+from rungwise.planning.search.layout import is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid
 from rungwise.planning.task.fingers import demand_known
 from rungwise.planning.task.task import fields_of, instances, task_of
@@ -137,15 +137,16 @@ def plan(
             raise
         if not finished:
             found = replace(found, reason=f"{INTERRUPTED}; the plan holds on {found.stage}")
-    return found
+    return in_what_is_left(work, found)
 
 
 def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[str], None]) -> Iterator[Plan]:
     """The best plan so far, again and again: stage by stage, and from the first stage on once more where
-    nothing came to the last one and was confirmed there, as long as steps and time are left."""
+    nothing came to the last one and was confirmed there, as long as steps and time are left; not where a turn
+    ended by itself without a step."""
     best, last = begun, chosen[-1]
     for turn in itertools.count():
-        spent = work.budget.spent.total()
+        spent, cut = work.budget.spent.total(), work.budget.cut
         own = (
             begun
             if turn == 0
@@ -158,7 +159,7 @@ def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[s
         if (
             (best.found and _has_come(best, last))
             or not work.budget.left
-            or work.budget.spent.total() == spent
+            or (work.budget.spent.total() == spent and work.budget.cut == cut)
         ):
             break
     if best.stage is None and work.budget.is_in_time():
@@ -197,7 +198,7 @@ def _one_turn(
         with work.budget.part(_share(work, stage, moving, turn)):
             found = _take_stage(work, found, stage)
         if found.found and found.segments:
-            found, failed = _explained(work, found, failed), []
+            found, failed = explained(work, found, failed), []
         elif stage.model.moves and not told and found.how(stage) == NOTHING:
             failed.append(stage)
         found = _confirmed(work, found, last)
@@ -272,17 +273,11 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     moves = 0 if lifted is None else len(lifted.vectors)
     found = with_record(before, Record(str(stage), how, steps, seconds, moves))
-    if before.found and (how != HELD or lifted is None or _drifts(work, before, lifted.course)):
-        found = replace(found, diagnosis=(*found.diagnosis, *_diagnosis(work, before, stage)))
+    if before.found and (how != HELD or lifted is None or drifts(work, before, lifted.course)):
+        found = replace(found, told=(*found.told, *diagnoses(work, before, stage, lifted is not None)))
     if lifted is None:
         return replace(found, reason=f"{stage}: {how}. {known(work)}")
     return _put(work, found, stage, lifted)
-
-
-def _explained(work: Work, found: Plan, failed: Sequence[Stage]) -> Plan:
-    """The first plan, with what becomes of it on the stages before on which nothing was found."""
-    told = [each for stage in failed for each in _diagnosis(work, found, stage)]
-    return replace(found, diagnosis=(*found.diagnosis, *told))
 
 
 def _blocked(work: Work, found: Plan) -> Plan:
@@ -367,27 +362,3 @@ def _is_confirmed(work: Work, plan: Plan) -> bool:
 def _robust(work: Work, plan: Plan, rate: float, samples: int, tell: Callable[[str], None]) -> Plan:
     """The plan in the mode in which it succeeds at a rate."""
     return made_robust(plan, rate, samples, work.threads, tell, work.budget)
-
-
-def _drifts(work: Work, before: Plan, course: Course) -> bool:
-    """Whether objects come to other places at the ends of moves than on the stage before."""
-    if len(course.places) != len(before.waypoints):
-        return True
-    pairs = zip(course.places, before.waypoints, strict=True)
-    return any(float(work.away(np.array(place))(now)[0]) > APART * work.size for now, place in pairs)
-
-
-def _diagnosis(work: Work, before: Plan, stage: Stage) -> list[Diagnosis]:
-    assert before.stage is not None
-    try:
-        if not before.stage.model.moves:
-            told = untouched(work, before, stage)
-            return [] if told is None else [told]
-        watch = Watch(work.budget.look, work.budget.deadline)
-        found = diagnosed(
-            work.task.scene, before.stage.model, stage.model, watch, inputs=before.segments,
-            tol=before.tol, other_tol=stage.tol * work.size, parameters=work.task.parameters,
-        )  # fmt: skip
-    except TimeOver:
-        return []  # the plan counts without its diagnosis
-    return [replace(found, before=str(before.stage), after=str(stage))]

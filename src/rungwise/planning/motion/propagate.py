@@ -68,11 +68,13 @@ class Ends(NamedTuple):
 
 class Budget:
     """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
-    more, and time is left of `limit` seconds. `tell` is called about ten times a second while runs go on."""
+    more, and time is left of `limit` seconds; `cut`: how many parts of it ended by the time. `tell` is called
+    about ten times a second while runs go on."""
 
     def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
         self.ends = Deadline(seconds(limit)).ends
+        self.cut = 0
         self.tell: Callable[[], None] = _nothing
         self._told = clock.monotonic()
 
@@ -106,6 +108,7 @@ class Budget:
         try:
             yield
         finally:
+            self.cut += not self.is_in_time()
             self.most, self.ends = most, ends
 
     def within(self, steps: int | None) -> Budget:
