@@ -1,12 +1,15 @@
 """Planar tasks that others published, planned here: which rungs are reached, and in how many seconds.
 
     python benchmarks/published_tasks.py [--folder ../shared/tasks] [--seeds 5] [--limit 60] [--tasks hidex]
-        [--schedules]
+        [--schedules] [--relatives 2]
 
 Each scene of the folder is planned on the default schedule from the seeds 0, 1, ..., for as long as the
 limit allows. A rung counts for a plan that was found where its replay there, at a tenth of the plan's error
 per step, comes to the goal. Where a table of the folder's README has a column on the authors or on what was
 published, its cell stands below the task's row. One line says so where the folder is missing.
+
+With --relatives each task is planned in so many relatives, tasks of the same kind with other numbers
+(`relatives.py`), instead; the last line says of how many every seed ends with a plan.
 
 With --schedules each of these tasks that suits contact modes, and each shipped scene with `task.fingers`, is
 planned in four ways, all ways of a seed in turn: with and without contact modes, on quasistatic-rigid and
@@ -32,6 +35,8 @@ from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
+import yaml
+from relatives import relative
 
 import rungwise as rw
 from rungwise.planning.lift.lift import TENTH
@@ -107,8 +112,9 @@ def reached(plan: rw.Plan) -> list[str]:
     return [name for name, run in runs.items() if run.outcome.code == rw.Code.GOAL]
 
 
-def print_task(scene: rw.Scene, seeds: Sequence[int], limit: float) -> None:
-    """One row for a task: how many seeds end with a plan, in how many seconds, and where plans hold."""
+def print_task(scene: rw.Scene, seeds: Sequence[int], limit: float) -> bool:
+    """One row for a task: how many seeds end with a plan, in how many seconds, and where plans hold. Returns
+    whether all do."""
     seconds, holds, found = list[float](), Counter[str](), 0
     for seed in seeds:
         began = time.perf_counter()
@@ -121,6 +127,7 @@ def print_task(scene: rw.Scene, seeds: Sequence[int], limit: float) -> None:
         + "  ".join(f"{holds[rung.name]:{len(rung.name)}}" for rung in RUNGS),
         flush=True,
     )
+    return found == len(seeds)
 
 
 def published(readme: Path) -> dict[str, str]:
@@ -134,12 +141,32 @@ def published(readme: Path) -> dict[str, str]:
     return {row[0].strip("`"): row[column] for row in rows if len(row) > column and row[0].startswith("`")}
 
 
-def print_all(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
-    """A row for each task, and what is known of its authors' planner."""
-    theirs = published(files[0].parent / "README.md")
+def print_head() -> None:
+    """What stands above rows for tasks."""
     print(
         f"{'task':36} {'planned':>9} {'median s':>9} {'max s':>8}  " + "  ".join(rung.name for rung in RUNGS)
     )
+
+
+def print_relatives(files: Sequence[Path], count: int, seeds: Sequence[int], limit: float) -> None:
+    """A row for each relative of each task, and of how many all seeds end with a plan."""
+    print_head()
+    whole = list[bool]()
+    for file in files:
+        data = yaml.safe_load(file.read_text("utf-8"))
+        for number in range(count):
+            own = relative(data, number)
+            if own is None:
+                print(f"{file.stem:36} has no relatives")
+                break
+            whole.append(print_task(rw.load(own), seeds, limit))
+    print(f"planned from every seed: {sum(whole)} of {len(whole)} relatives")
+
+
+def print_all(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
+    """A row for each task, and what is known of its authors' planner."""
+    theirs = published(files[0].parent / "README.md")
+    print_head()
     for file in files:
         print_task(rw.load(file), seeds, limit)
         told = next((text for name, text in theirs.items() if fnmatchcase(file.stem, name)), "")
@@ -212,6 +239,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--schedules", action="store_true", help="with and without the ladder and contact modes"
     )
+    parser.add_argument(
+        "--relatives", type=int, default=0, help="so many tasks of the same kind as each, drawn"
+    )
     given = parser.parse_args(arguments)
     named = tuple(given.tasks.split(","))
     files = [file for file in sorted(given.folder.glob("*.yaml")) if file.stem.startswith(named)]
@@ -219,6 +249,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         files += [file for file in with_fingers() if file.stem.startswith(named) and file not in files]
     if not files:
         print(f"no scenes in {given.folder}: nothing is planned")
+    elif given.relatives:
+        print_relatives(files, given.relatives, range(given.seeds), given.limit)
     elif given.schedules:
         print_schedules(files, range(given.seeds), given.limit)
     else:

@@ -9,6 +9,7 @@ import re
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -153,12 +154,60 @@ def test_benchmark_of_published_tasks(
     assert told == "  its authors: in 2 s"
 
 
+def test_relatives_are_told_where_there_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/published_tasks.py", monkeypatch)
+    (tmp_path / "other.yaml").write_text(rw.load("corner_pivot").yaml(), "utf-8")
+    benchmark.main(["--folder", str(tmp_path), "--seeds", "1", "--relatives", "1"])
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        f"{'other':36} has no relatives",
+        "planned from every seed: 0 of 0 relatives",
+    ]
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_a_relative_is_the_same_kind_of_task(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block at a wall stays there, its finger beside it; fingers do not feel another gravity either."""
+    relatives = script("benchmarks/relatives.py", monkeypatch)
+    task: dict[str, Any] = {
+        "name": "hidex_corner_pivot", "gravity": [0, -9.81],
+        "parameters": {"x1": {"default": -0.085}},
+        "bodies": {
+            "finger1": {
+                "role": "robot", "mass": 0.1, "force": [0, 0.981], "shape": {"kind": "disc", "radius": 0.005}
+            },
+            "part": {
+                "role": "object", "mass": 1.0, "shape": {"kind": "box", "width": 0.08, "height": 0.03},
+                "pose": {"x": -0.04, "y": 0.015},
+            },
+            "wall": {
+                "role": "obstacle", "shape": {"kind": "box", "width": 0.03, "height": 0.04},
+                "pose": {"x": 0.015, "y": 0.02},
+            },
+        },
+        "contacts": [{"between": ["finger1", "part"], "friction": 0.5}], "task": {},
+    }  # fmt: skip
+    found = relatives.relative(task, number)
+    assert found == relatives.relative(task, number) != relatives.relative(task, number + 1)
+    part, finger = found["bodies"]["part"], found["bodies"]["finger1"]
+    assert 0.8 * 0.08 <= part["shape"]["width"] <= 1.2 * 0.08
+    assert part["pose"]["x"] + part["shape"]["width"] / 2 == pytest.approx(0.0, abs=1e-12)
+    assert part["pose"]["y"] == part["shape"]["height"] / 2
+    assert found["parameters"]["x1"]["default"] == pytest.approx(-part["shape"]["width"] - 0.005)
+    assert finger["force"][1] == pytest.approx(-0.1 * found["gravity"][1])
+    assert task["contacts"][0]["friction"] == 0.5 != found["contacts"][0]["friction"]
+    assert relatives.relative(task | {"name": "other"}, 0) is None
+
+
 def test_ladder_and_contact_modes_are_compared_on_a_task(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     benchmark = script("benchmarks/published_tasks.py", monkeypatch)
     arms = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
     del arms["task"]["fingers"]
+    for bounds in arms["task"]["inputs"].values():
+        bounds.pop("rate", None)
     (tmp_path / "corner_arms.yaml").write_text(rw.load(arms | {"name": "corner_arms"}).yaml(), "utf-8")
     only = ["--folder", str(tmp_path), "--tasks", "corner", "--seeds", "1", "--limit", "1"]
     benchmark.main([*only, "--schedules"])
