@@ -114,11 +114,6 @@ class Problem:
         return Laws(self.mu, self.directions, self.lower, self.upper)
 
     @property
-    def is_boxes(self) -> bool:
-        """Whether the problem has no contacts and no free unknowns: an LCP, a relay, limits alone."""
-        return len(self.mu) == 0 and len(self.lower) > 0 and not self.free.any()
-
-    @property
     def demands(self) -> Array:
         """The demanded rates: b of contacts and of other unknowns, except velocities and fixed unknowns."""
         asked = self.lower < self.upper

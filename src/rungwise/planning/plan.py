@@ -20,7 +20,6 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnosis.deferred import Deferred
 from rungwise.planning.diagnosis.diagnose import Diagnosis, table
@@ -363,10 +362,6 @@ def with_record(plan: Plan, record: Record) -> Plan:
     steps, seconds = record.steps + records[at].steps, record.seconds + records[at].seconds
     records[at] = replace(record, steps=steps, seconds=seconds)
     return replace(plan, records=tuple(records))
-
-
-def is_reached(run: AnyRun) -> bool:
-    return run.outcome.code == Code.GOAL
 
 
 def installed() -> str:

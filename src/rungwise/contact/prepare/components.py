@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rungwise.contact.prepare.units import Sparse
-from rungwise.kernel import Ints, kernel
+from rungwise.kernel import Ints, inner_kernel, kernel
 
 
 @kernel
@@ -21,14 +21,19 @@ def join(A: Sparse, rows: int, d: int, offset: int, label: Ints) -> None:
             if A.value[k] == 0.0:
                 continue
             j = A.place[k] + offset
-            a, b = mine, j // d if j < rows else contacts + j - rows
-            while label[a] != a:
-                label[a] = label[label[a]]
-                a = label[a]
-            while label[b] != b:
-                label[b] = label[label[b]]
-                b = label[b]
-            label[max(a, b)] = min(a, b)
+            unite(label, mine, j // d if j < rows else contacts + j - rows)
+
+
+@inner_kernel
+def unite(label: Ints, a: int, b: int) -> None:
+    """Let two trees of labels, each of which leads to its least member, be one."""
+    while label[a] != a:
+        label[a] = label[label[a]]
+        a = label[a]
+    while label[b] != b:
+        label[b] = label[label[b]]
+        b = label[b]
+    label[max(a, b)] = min(a, b)
 
 
 @kernel

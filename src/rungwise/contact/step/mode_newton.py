@@ -15,13 +15,15 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Reals, inner_kernel, kernel
 
 MAX_FLIPS = 12
 """Solves in which contacts may change their mode, at most."""
 CONTRADICTED = 1e-12
 """Rates over the greatest velocity term, and forces over the greatest force or the limit, that contradict no
 mode: about ten thousand roundings of double precision. Chosen by trial, to a decade."""
+BY_SLIP = -1
+"""No mode: forces ask for none, and the slip decides."""
 
 
 @kernel
@@ -218,17 +220,13 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
             mode[k] = wanted
     for r in range(limited):
         at = contacts + r
-        wanted = mode[at]
-        if mode[at] == STICK:
-            if abs(tau[r]) > p.F[r] * (1.0 + CONTRADICTED):
-                wanted = BACKWARD if tau[r] > 0.0 else FORWARD
-        else:
+        wanted = asked_by_limit(mode[at], tau[r], p.F[r])
+        if wanted == BY_SLIP:
             own = 2 * contacts + r
             s = p.R_s[r] * tau[r] + p.w_s[r] + give[own] * (tau[r] - centre[own])
             for i in range(n):
                 s += p.S[r, i] * v[i]
-            if s * tau[r] > 0.0:
-                wanted = STICK
+            wanted = STICK if s * tau[r] > 0.0 else mode[at]
         if wanted != mode[at] and changed < most:
             changed += 1
             mode[at] = wanted
@@ -255,18 +253,37 @@ def _contact_mode(
         if rate >= -slack:
             return OPEN
         return STICK if p.mu[k] > 0.0 else FORWARD
-    if normal < -tiny:
-        if mode == STICK and abs(tangential) > -p.mu[k] * normal:
-            return BACKWARD if tangential > 0.0 else FORWARD
-        return OPEN
-    if p.mu[k] == 0.0:
-        return mode
-    if mode == STICK:
-        if abs(tangential) <= p.mu[k] * normal + tiny:
-            return STICK
-        return BACKWARD if tangential > 0.0 else FORWARD
+    wanted = asked_by_force(mode, p.mu[k], normal, tangential, tiny)
+    if wanted != BY_SLIP:
+        return wanted
     slip = p.w[2 * k + 1] + p.R[k, 1, 0] * normal + p.R[k, 1, 1] * tangential
     slip += give[2 * k + 1] * (tangential - centre[2 * k + 1])
     for i in range(n):
         slip += p.W[2 * k + 1, i] * v[i]
     return STICK if slip * sign(mode) > slack else mode
+
+
+@inner_kernel
+def asked_by_force(mode: int, mu: float, normal: float, tangential: float, tiny: float) -> int:
+    """The mode that the forces of a contact that is not open ask for; forces up to `tiny` are rounding."""
+    if normal < -tiny:
+        if mode == STICK and abs(tangential) > -mu * normal:
+            return BACKWARD if tangential > 0.0 else FORWARD
+        return OPEN
+    if mu == 0.0:
+        return mode
+    if mode == STICK:
+        if abs(tangential) <= mu * normal + tiny:
+            return STICK
+        return BACKWARD if tangential > 0.0 else FORWARD
+    return BY_SLIP
+
+
+@inner_kernel
+def asked_by_limit(mode: int, tau: float, limit: float) -> int:
+    """The mode that the force of a limited row asks for."""
+    if mode != STICK:
+        return BY_SLIP
+    if abs(tau) > limit * (1.0 + CONTRADICTED):
+        return BACKWARD if tau > 0.0 else FORWARD
+    return STICK

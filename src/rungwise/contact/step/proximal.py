@@ -97,10 +97,9 @@ def solve_proximal(
             spread(sizes, centre, unknowns)
             continue
         found = residual(problem, sizes, unknowns)
-        rests = _moved(sizes, unknowns, centre) <= STILL
+        rests = change_of_force(sizes, unknowns, centre) <= STILL
         rests &= exertion(problem, sizes, unknowns) <= WEDGED
-        # Where a smaller rho does not help, the rest is rounding.
-        if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
+        if rests and is_final(found, before, lowered, enough):
             return found
         collect(sizes, unknowns, centre)
         lowered = found > 0.1 * before
@@ -143,8 +142,14 @@ def _settle(
     return False
 
 
+@inner_kernel
+def is_final(found: float, before: float, lowered: bool, enough: float) -> bool:
+    """Whether a residual ends the rounds: where a smaller rho does not help, the rest is rounding."""
+    return bool(found <= TARGET or (found <= enough and lowered and found > 0.5 * before))
+
+
 @kernel
-def _moved(sizes: Sizes, unknowns: Unknowns, centre: Reals) -> float:
+def change_of_force(sizes: Sizes, unknowns: Unknowns, centre: Reals) -> float:
     """Greatest change of a force from its centre, relative to the greatest force."""
     contacts, limited = sizes.contacts, sizes.limited
     force, tau = unknowns.force, unknowns.tau

@@ -72,13 +72,6 @@ def carried(ground: Ground, seen: Seen) -> tuple[Reals, float] | None:
     return rows, float(surfaces.limits[ground.supporting].max())
 
 
-def load_of(ground: Ground, seen: Seen) -> float:
-    """The size of the forces about the object: its weight, or its friction on a support."""
-    weight = float(np.linalg.norm(seen.touches.loads[ground.columns] / ground.units))
-    support = carried(ground, seen)
-    return max(weight, 0.0 if support is None else support[1])
-
-
 def motion(
     ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, press: float
 ) -> Motion | None:

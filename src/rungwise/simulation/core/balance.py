@@ -13,9 +13,6 @@ from rungwise.simulation.core.state import Scratch
 from rungwise.system.entries import fill_span, rate
 from rungwise.system.terms import Terms
 
-NEAR = 1e-4
-"""Gaps below this part of the system's length count as closed."""
-
 
 @kernel
 def keep_near(h: float, near: float, contacts: int, speed: Reals, terms: Terms, scratch: Scratch) -> int:

@@ -22,7 +22,7 @@ from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, fill_pace, forget
-from rungwise.simulation.core.balance import NEAR, keep_near
+from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
 from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
@@ -32,6 +32,7 @@ from rungwise.simulation.core.tolerances import (
     DRIVEN,
     EXACT,
     LINEARISATIONS,
+    NEAR,
     OVERLAP,
     PAUSE,
     ROUNDING,

@@ -8,6 +8,8 @@ EXACT = 1e-9
 linearised again."""
 OVERLAP = 1e-4
 """Overlap beyond which a rigid step that adds to it is halved."""
+NEAR = 1e-4
+"""Gaps below this count as closed (in the plane over the longest lever)."""
 LINEARISATIONS = 12
 """Solutions of one attempt, each linear about the end of the solution before."""
 PAUSE = 2.0

@@ -18,9 +18,9 @@ from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.support import without_law
-from rungwise.simulation.core.tolerances import SINKING
+from rungwise.simulation.core.tolerances import NEAR, SINKING
 from rungwise.simulation.inputs import Segment, ignored
-from rungwise.simulation.planar.state.nearby import NEAR, begin_step, gather
+from rungwise.simulation.planar.state.nearby import begin_step, gather
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.leaps import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rungwise.contact.solvers.plane.judge import rates
 from rungwise.contact.solvers.plane.part import Part
-from rungwise.contact.step.mode_newton import CONTRADICTED, sign
-from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.step.mode_newton import BY_SLIP, CONTRADICTED, asked_by_force, asked_by_limit, sign
+from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import Unknowns
 from rungwise.kernel import Reals, kernel
 
@@ -33,15 +33,11 @@ def flip(part: Part, unknowns: Unknowns, give: Reals, centre: Reals, most: int) 
             mode[k] = wanted
     for r in range(limited):
         at, own = contacts + r, 2 * contacts + r
-        wanted = mode[at]
-        if mode[at] == STICK:
-            if abs(tau[r]) > part.F[r] * (1.0 + CONTRADICTED):
-                wanted = BACKWARD if tau[r] > 0.0 else FORWARD
-        else:
+        wanted = asked_by_limit(mode[at], tau[r], part.F[r])
+        if wanted == BY_SLIP:
             moving, _ = rates(part, at, v)
             s = part.R_s[r] * tau[r] + part.w_s[r] + give[own] * (tau[r] - centre[own]) + moving
-            if s * tau[r] > 0.0:
-                wanted = STICK
+            wanted = STICK if s * tau[r] > 0.0 else mode[at]
         if wanted != mode[at] and changed < most:
             changed += 1
             mode[at] = wanted
@@ -59,16 +55,9 @@ def _contact_mode(
         if part.w[2 * k] - give[2 * k] * centre[2 * k] + opening >= -slack:
             return OPEN
         return STICK if mu > 0.0 else FORWARD
-    if normal < -tiny:
-        if mode == STICK and abs(tangential) > -mu * normal:
-            return BACKWARD if tangential > 0.0 else FORWARD
-        return OPEN
-    if mu == 0.0:
-        return mode
-    if mode == STICK:
-        if abs(tangential) <= mu * normal + tiny:
-            return STICK
-        return BACKWARD if tangential > 0.0 else FORWARD
+    wanted = asked_by_force(mode, mu, normal, tangential, tiny)
+    if wanted != BY_SLIP:
+        return wanted
     _, moving = rates(part, k, unknowns.v)
     slip = part.w[2 * k + 1] + part.R[k, 1, 0] * normal + part.R[k, 1, 1] * tangential
     slip += give[2 * k + 1] * (tangential - centre[2 * k + 1]) + moving

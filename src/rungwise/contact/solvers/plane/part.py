@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rungwise.contact.prepare.components import number, unite
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -96,17 +97,11 @@ def cut(part: Part) -> Cut:
         label[i] = i
     for i in range(n):
         for e in range(part.H_first[i], part.H_first[i + 1]):
-            _join(label, i, part.H_column[e])
+            unite(label, i, part.H_column[e])
     for g in range(contacts + limited):
         for e in range(part.first[g] + 1, part.first[g + 1]):
-            _join(label, part.column[part.first[g]], part.column[e])
-    count = 0
-    for i in range(n):
-        if label[i] == i:
-            label[i] = count
-            count += 1
-        else:
-            label[i] = label[label[i]]
+            unite(label, part.column[part.first[g]], part.column[e])
+    count = number(label, n)
     start, place = np.zeros((count + 1, 3), np.int64), np.empty(n, np.int64)
     for i in range(n):
         start[label[i] + 1, 0] += 1
@@ -137,18 +132,6 @@ def cut(part: Part) -> Cut:
 def _owner(part: Part, g: int, label: Ints) -> int:
     """The island of a group, given those of velocities."""
     return int(label[part.column[part.first[g]]]) if part.first[g] < part.first[g + 1] else 0
-
-
-@inner_kernel
-def _join(label: Ints, a: int, b: int) -> None:
-    """Let two trees of labels, each of which leads to its least member, be one."""
-    while label[a] != a:
-        label[a] = label[label[a]]
-        a = label[a]
-    while label[b] != b:
-        label[b] = label[label[b]]
-        b = label[b]
-    label[max(a, b)] = min(a, b)
 
 
 @allocating_kernel

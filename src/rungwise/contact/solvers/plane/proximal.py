@@ -27,9 +27,10 @@ from rungwise.contact.step.proximal import (
     MAX_ROUNDS,
     MOST,
     STILL,
-    TARGET,
     WEDGED,
+    change_of_force,
     collect,
+    is_final,
     spread,
 )
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
@@ -78,10 +79,8 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
             spread(sizes, soft.centre, unknowns)
             continue
         found = residual_of(part, unknowns)
-        rests = _moved(contacts, limited, unknowns, soft.centre) <= STILL
-        rests &= exertion_of(part, unknowns) <= WEDGED
-        # Where a smaller rho does not help, the rest is rounding.
-        if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
+        rests = change_of_force(sizes, unknowns, soft.centre) <= STILL
+        if rests and exertion_of(part, unknowns) <= WEDGED and is_final(found, before, lowered, enough):
             return found
         collect(sizes, unknowns, soft.centre)
         lowered = found > 0.1 * before
@@ -114,16 +113,6 @@ def _settle(
             return True
         factored = False
     return False
-
-
-@kernel
-def _moved(contacts: int, limited: int, unknowns: Unknowns, centre: Reals) -> float:
-    """Greatest change of a force from its centre, relative to the greatest force."""
-    change, largest = 0.0, 0.0
-    for r in range(2 * contacts + limited):
-        now = unknowns.force[r] if r < 2 * contacts else unknowns.tau[r - 2 * contacts]
-        change, largest = max(change, abs(now - centre[r])), max(largest, abs(now))
-    return change / largest if largest > 0.0 else 0.0
 
 
 @kernel

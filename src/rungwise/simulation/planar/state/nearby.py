@@ -6,6 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
 from rungwise.scene.template.records import HINGE, Records
+from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -16,8 +17,6 @@ from rungwise.system.terms import Terms
 
 AHEAD = 2.0
 """Steps for which the motion is followed to find the faces that will touch."""
-NEAR = 1e-4
-"""Gaps below this fraction of the longest lever always count as contacts."""
 
 
 @kernel

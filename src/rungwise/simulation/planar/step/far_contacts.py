@@ -13,7 +13,8 @@ from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
-from rungwise.simulation.planar.state.nearby import NEAR, gather
+from rungwise.simulation.core.tolerances import NEAR
+from rungwise.simulation.planar.state.nearby import gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.simulation.planar.step.leaps import HEAVIER, LEFT, displacement, solve_again
 from rungwise.simulation.planar.step.preferred_motion import choose_motion
