@@ -81,6 +81,42 @@ def block_at_a_wall(
     )  # fmt: skip
 
 
+def disc_on_a_floor(goal: str = "abs(part.x - 0.12) <= 0.01 and rest(part)") -> rw.Scene:
+    """A disc on a floor, and a finger on either side of it."""
+    drive, radius = {"stiffness": 500, "damping": 15, "limit": 20}, 0.05
+    names, led = ["x1", "y1", "x2", "y2"], {"speed": 0.1, "clearance": 0.004, "push": [0.005, 0.5]}
+    starts = dict(zip(names, (-0.12, radius, 0.12, radius), strict=True))
+    stiff = {"stiffness": 1e6, "damping": 1e3}
+    return rw.load(
+        {
+            "name": "disc_on_a_floor", "parameters": {name: {"default": at} for name, at in starts.items()},
+            "inputs": names, "gravity": [0, -9.81],
+            "bodies": {
+                "finger1": _finger(1, starts["x1"], radius, drive),
+                "finger2": _finger(2, starts["x2"], radius, drive),
+                "part": {
+                    "role": "object", "mass": MASS, "pose": {"x": 0, "y": radius},
+                    "shape": {"kind": "disc", "radius": radius}, "motion": {"kind": "free"},
+                },
+                "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+            },
+            "contacts": [
+                {"between": ["finger*", "part"], "friction": 0.5, **stiff},
+                {"between": ["part", "floor"], "friction": 0.5, **stiff},
+                {"between": ["finger*", "floor"], "friction": 0, **stiff},
+                {"between": ["finger1", "finger2"], "friction": 0, **stiff},
+            ],
+            "goal": goal, "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "task": {
+                "inputs": {
+                    name: {"range": [-0.5, 0.6] if name[0] == "x" else [0.006, 0.4]} for name in names
+                },
+                "moves": [1, 8], "transit": {"finger1": led, "finger2": led},
+            },
+        }
+    )  # fmt: skip
+
+
 def _pushed_box(others: dict[str, Any] | None = None, goal: str = "") -> rw.Scene:
     """A box on a support, and others, seen from above, with two fingers at given speeds."""
     finger = {
@@ -233,6 +269,32 @@ OVER_TIME = {
     "inputs": {"x1": {"range": [-0.3, 0.1], "rate": 0.1}, "y1": {"range": [0.005, 0.3], "rate": 0.1}}
 }
 """Inputs that lead the finger of the block over time, without transit."""
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_a_disc_is_rolled_along_a_floor_to_rest(seed: int) -> None:
+    """Its angle may be any, and servos that come nearer ever more slowly are waited for."""
+    found = rw.plan(disc_on_a_floor(), seed=seed, limit=60.0, budget=None)
+    assert found.found, found.reason
+    run = found.replay(tol=0.1 * found.tol)
+    assert run.outcome == rw.Outcome.GOAL
+
+
+@pytest.mark.parametrize(
+    ("scene", "weighs"),
+    [
+        (disc_on_a_floor(), 0.1),
+        (disc_on_a_floor("abs(part.x - 0.2) <= 0.01 and abs(part.angle) <= 1"), 1.0),
+        (block_at_a_wall(), 1.0),
+    ],
+)
+def test_the_angle_of_a_disc_weighs_little_where_the_goal_does_not_ask(
+    scene: rw.Scene, weighs: float
+) -> None:
+    ground, _ = _start(scene)
+    assert ground.units[:2].tolist() == [1.0, 1.0]
+    assert ground.units[2] == pytest.approx(weighs * ground.task.weights[ground.columns[2]])
 
 
 def test_fingers_that_inputs_lead_over_time_are_led_by_contact_modes() -> None:

@@ -16,6 +16,7 @@ from rungwise.planning.modes.follow import follow
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.legs import HOLD, Layout, Writer
 from rungwise.planning.modes.tree import Leg
+from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
 from rungwise.planning.motion.settle import HELD
 from rungwise.planning.search.layout import FOLLOW, LATER, WAIT, Course
@@ -23,6 +24,7 @@ from rungwise.planning.search.problem import Found, Work
 from rungwise.simulation.inputs import Segment
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
+from rungwise.world.questions import Question
 
 AGAIN = 8
 """Modes that are tried to make a leg again from another place."""
@@ -89,6 +91,9 @@ class Scene:
             for name, role in roles.items()
             if role == OBJECT and any(names.index(name) in finger.objects for finger in self.fingers)
         }
+        placed = placed_part(task.search.file.goal or "")
+        assert placed is not None
+        self.placed = Question(task.search, placed, task.parameters)
         self._numbers = {ground.body: ground for ground in self.grounds.values()}
 
     def name(self, ground: Ground) -> str:
@@ -179,8 +184,13 @@ class Scene:
                 own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * waited[1], None, False))
                 labels, places = (*labels, WAIT), waited[0].places
                 outcome = Code(int(waited[0].outcome[0]))
+        if outcome != Code.GOAL and self.is_there(places.q[0]):
+            rested = self._held(predictor, places, levels, work.task.patience)
+            if rested is not None:
+                own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * rested[1], None, False))
+                labels, places, outcome = (*labels, WAIT), rested[0].places, Code.GOAL
         if outcome != Code.GOAL and work.moves.hopes(places.q, places.v)[0]:
-            lasted = self._lasted(predictor, places, levels)
+            lasted = self._held(predictor, places, levels, (1.0 + HELD) * work.task.lasting)
             if lasted is not None:
                 own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * lasted[1], None, False))
                 labels, places, outcome = (*labels, WAIT), lasted[0].places, Code.GOAL
@@ -203,12 +213,16 @@ class Scene:
             return None
         return ends, float(ends.places.time[0] - places.time[0])
 
-    def _lasted(self, predictor: Predictor, places: Places, levels: Reals) -> tuple[Ends, float] | None:
-        """What comes of standing still for as long as the goal must hold, and for how long; None where it is
-        not reached so."""
-        task = self.work.task
-        held, lasting = task.held(levels[None]), np.full((1, 1), (1.0 + HELD) * task.lasting)
-        ends = predictor.run(places, held[:, None], lasting)
+    def is_there(self, q: Reals) -> bool:
+        """Whether all holds at a place (n,) that the goal says of places."""
+        return bool((self.placed.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0] == 0.0).all())
+
+    def _held(
+        self, predictor: Predictor, places: Places, levels: Reals, duration: float
+    ) -> tuple[Ends, float] | None:
+        """What comes of standing still so long, and for how long; None where the goal is not reached so."""
+        held = self.work.task.held(levels[None])
+        ends = predictor.run(places, held[:, None], np.full((1, 1), duration))
         if ends.outcome[0] != Code.GOAL:
             return None
         return ends, float(ends.places.time[0] - places.time[0])

@@ -81,7 +81,7 @@ def follow(
         if found is None:
             why = BALANCE
             break
-        length = float(np.linalg.norm(found.change * ground.units))
+        length = float(np.linalg.norm(found.change * ground.task.weights[ground.columns]))
         if length < 0.02 * float(np.linalg.norm(want)) or length < 0.1 * ARRIVED * size:
             why = STALLED
             break

@@ -38,6 +38,9 @@ size."""
 Flags: TypeAlias = NDArray[np.bool_]
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
+ROUND, SPINS = 1e-9, 0.1
+"""Part of the size by which the outline of a round object is off a circle; and what the angle of such a one
+weighs where the goal does not ask for it, over what it weighs else: it may roll as it likes."""
 AROUND = 240
 """Places on the outline among which those that are opposite of others, or face alike, are sought."""
 ALIKE = 0.9
@@ -98,8 +101,11 @@ class Ground:
         roles = world_of(task.scene).roles(task.parameters)
         beside[pairs] = [all(roles[name] == OBJECT for name in contacts[k]) for k in pairs]
         least = min(finger.carrier.clearance for finger in fingers)
+        units, angle = task.weights[columns].copy(), f"{names[body]}.angle"
+        if angle not in (task.scene.file.goal or "") and _is_round(around, body, task.size):
+            units[[task.scene.template.coordinates[k] == angle for k in columns]] *= SPINS
         return cls(
-            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds,
+            task, around, fingers, body, columns, units, np.array(pairs, np.int64), surrounds,
             beside, np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
         )  # fmt: skip
 
@@ -314,6 +320,12 @@ class Ground:
     def placing(self) -> Ints:
         """The columns of x and y of each finger that these place (f, 2), -1 for others."""
         return np.array([f.columns if f.arm is None else (-1, -1) for f in self.fingers], np.int64)
+
+
+def _is_round(around: Surroundings, body: int, size: float) -> bool:
+    """Whether the outline of a body is a circle about its centre of mass."""
+    points, _ = around.outline(body)(np.arange(0.5, AROUND) / AROUND)
+    return float(np.ptp(np.linalg.norm(points, axis=1))) <= ROUND * size
 
 
 @kernel

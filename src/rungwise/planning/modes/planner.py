@@ -22,7 +22,6 @@ from rungwise.planning.search.search import search, search_once
 from rungwise.scene.language.lasting import names_in
 from rungwise.world.contract import OUTLINES
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
 
 PRESSES, PACES = (0.05, 0.1, 0.05, 0.2), (1.0, 1.0, 2.0, 4.0)
 """Parts of the load with which fingers press at least, and how many times slower than their speed they go, in
@@ -113,9 +112,6 @@ class ModePlanner:
         self.scene = Scene(self.work)
         self.nodes = [self.scene.root()]
         self.turn = 0
-        goal = placed_part(work.task.search.file.goal or "")
-        assert goal is not None
-        self._goal = Question(work.task.search, goal, work.task.parameters)
         self._places = _goals(work)
         self._courses: dict[int, Reals] = {}
 
@@ -202,8 +198,10 @@ class ModePlanner:
         if after.grasps > self.work.task.moves[1]:
             self.work.failures["more moves than the task allows"] += 1
             return None
-        if after.outcome in GOES_ON:
+        if after.outcome in GOES_ON and not self.scene.is_there(after.places.q[0]):
             self.nodes.append(after)
+        elif after.outcome in GOES_ON:
+            self.work.failures["at the goal, and not as it asks"] += 1
         return after
 
     def _chosen(self) -> Node:
@@ -229,7 +227,7 @@ class ModePlanner:
     def _parts(self, ground: Ground) -> Ints:
         """The parts of the goal (r,) that speak of an object."""
         own = self.scene.name(ground)
-        said = [own in set().union(*(names_in(text) for text in texts)) for texts in self._goal.parts]
+        said = [own in set().union(*(names_in(text) for text in texts)) for texts in self.scene.placed.parts]
         return np.flatnonzero(said)
 
     def _goals(self, ground: Ground, q: Reals) -> Reals:
@@ -261,7 +259,7 @@ class ModePlanner:
         asked = parts if len(parts) else slice(None)
 
         def is_reached(q: Reals) -> bool:
-            lacks = self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0]
+            lacks = self.scene.placed.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0]
             return bool((lacks[asked] == 0.0).all())
 
         return is_reached
