@@ -106,6 +106,18 @@ def test_benchmark_of_work_and_precision(
     assert found["ratios"] and all(row["mean"] < 4.0 for row in found["ratios"] if row["what"] == "solves")
 
 
+def test_random_pushes_keep_what_tol_promises_in_any_frame(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/promise.py", monkeypatch)
+    assert benchmark.main(["--json", "--pushes", "6"], fine=1e-7, repeats=1) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert all(row["median"] < 3.0 for row in found["kept"])
+    assert len(found["turned"]) == 5
+    for row in found["turned"]:
+        assert row["runs"] >= 4 and row["other_steps"] == 0 and row["greatest"] < 1e-3
+
+
 def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     benchmark = script("benchmarks/hierarchy.py", monkeypatch)
     assert benchmark.main(["--scenes", "two_finger_free"], samples=0) == 0

@@ -69,8 +69,9 @@ def rested(moves: Moves, predictor: Predictor, ends: Ends, levels: Reals) -> Res
         return held_out(moves, predictor, Rested(ends, levels, waits, left))
     held = task.held(levels[rows])
     more = predictor.run(
-        ends.places.take(rows), held[:, None], np.full((len(rows), 1), task.patience), until=(task.at_rest,)
-    )
+        ends.places.take(rows), held[:, None], np.full((len(rows), 1), task.patience), until=(task.at_rest,),
+        patient=True,
+    )  # fmt: skip
     settled = np.flatnonzero(more.outcome != Code.NOT_CONVERGED)
     rows, levels = rows[settled], levels.copy()
     waits[rows] = more.places.time[settled] - ends.places.time[rows]

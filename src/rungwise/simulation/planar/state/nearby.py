@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
-from rungwise.scene.template.records import HINGE, Records
+from rungwise.scene.template.records import FREE, HINGE, Records
 from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints
@@ -110,6 +110,22 @@ def swing(records: Records, state: State, i: int) -> float:
 
 
 @kernel
+def farthest(records: Records, state: State, change: Reals) -> float:
+    """Greatest distance by which a change of coordinates (n,) displaces a body: the distance of its places,
+    in any frame, or what it turns by times the longest lever."""
+    found = 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        first = body.coordinate
+        if body.motion == FREE:
+            found = max(found, math.hypot(change[first], change[first + 1]))
+            first += 2
+        for i in range(first, body.coordinate + coordinate_count(body)):
+            found = max(found, swing(records, state, i) * abs(change[i]))
+    return found
+
+
+@kernel
 def fastest_pair(
     records: Records, rung: RecordArray, terms: Terms, state: State, v: Reals, h: float
 ) -> float:
@@ -117,18 +133,22 @@ def fastest_pair(
     fastest = 0.0
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]
-        speed = 0.0
+        along, across, spin = 0.0, 0.0, 0.0
         for j in range(coordinate_count(body)):
             i = body.coordinate + j
             rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
             if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
                 rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
             if turns(body, i):
-                rate *= state.clock[0].reach + (
-                    math.hypot(state.placed.pose[b, 0] - body.pivot_x, state.placed.pose[b, 1] - body.pivot_y)
-                    if body.motion == HINGE
-                    else 0.0
-                )
-            speed += rate
-        fastest = max(fastest, speed)
+                spin = rate
+            elif j == 0:
+                along = rate
+            else:
+                across = rate
+        lever = state.clock[0].reach
+        if body.motion == HINGE:
+            lever += math.hypot(
+                state.placed.pose[b, 0] - body.pivot_x, state.placed.pose[b, 1] - body.pivot_y
+            )
+        fastest = max(fastest, math.hypot(along, across) + spin * lever)
     return 2.0 * fastest

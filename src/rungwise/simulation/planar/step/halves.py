@@ -8,7 +8,7 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN, STICK
 from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
 from rungwise.scene.template.records import Records
-from rungwise.simulation.planar.state.nearby import join, swing
+from rungwise.simulation.planar.state.nearby import farthest, join
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.planar.seams import mode_before
 from rungwise.system.terms import APART, INERTIA, SUPPORT
@@ -26,9 +26,9 @@ SWEEPS = 8
 def disagreement(
     records: Records, rung: RecordArray, control: RecordArray, h: float, workspace: Workspace
 ) -> float:
-    """Greatest distance between the coordinates after two half steps, of length h, and after one whole step,
-    now and, where velocities are continuous, a while later."""
-    state, whole, worst = workspace.state, workspace.whole, 0.0
+    """Greatest distance between the places of a body after two half steps, of length h, and after one whole
+    step, now and, where velocities are continuous, a while later."""
+    state, whole = workspace.state, workspace.whole
     continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not closes(workspace))
     later = AHEAD * control[0].longest if continuous else 0.0
     change = workspace.scratch.v_new
@@ -40,11 +40,10 @@ def disagreement(
     if later > 0.0:
         _keep_contacts(rung, h, workspace, change)
         _keep_until_rest(rung, 2.0 * h, later, workspace, change)
+    worst = later * farthest(records, state, change)
     for i in range(state.q.shape[0]):
-        lever = swing(records, state, i)
-        worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
-        worst = max(worst, lever * later * abs(change[i]))
-    return worst
+        change[i] = state.q[i] - whole.q[i]
+    return max(worst, farthest(records, state, change))
 
 
 @rare_kernel

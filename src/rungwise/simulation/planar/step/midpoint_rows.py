@@ -19,7 +19,7 @@ import math
 from rungwise.contact.step import OPEN
 from rungwise.kernel import RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import HINGE, Records
-from rungwise.simulation.planar.state.nearby import swing
+from rungwise.simulation.planar.state.nearby import farthest, swing
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.entries import fill_span
 from rungwise.system.planar import joints
@@ -101,9 +101,7 @@ def compare_rows(records: Records, h: float, allowed: float, contacts: int, work
     joints and supports, and the loads), or a contact that pushes yields further. LOST where a contact that
     pushed is no more: its rows at the end are not known."""
     state = workspace.state
-    path = 0.0
-    for i in range(state.v.shape[0]):
-        path = max(path, swing(records, state, i) * abs(h * workspace.early.v[i]))
+    path = h * farthest(records, state, workspace.early.v)
     if path == 0.0:
         return SAME
     turned = max(STRAIGHT * allowed, workspace.terms.rounding[0]) / path
@@ -243,11 +241,10 @@ def yield_fully(contacts: int, workspace: Workspace) -> None:
 @kernel
 def bend(records: Records, h: float, workspace: Workspace) -> float:
     """Half the greatest distance between the ends of the step just solved and of its first solution."""
-    worst = 0.0
+    change = workspace.scratch.row
     for i in range(workspace.early.v.shape[0]):
-        away = abs(h * (workspace.scratch.v_new[i] - workspace.early.v[i]))
-        worst = max(worst, 0.5 * swing(records, workspace.state, i) * away)
-    return worst
+        change[i] = workspace.scratch.v_new[i] - workspace.early.v[i]
+    return 0.5 * h * farthest(records, workspace.state, change)
 
 
 @rare_kernel
