@@ -261,9 +261,8 @@ class Stepper:
         same drives: then momentum decides where it rests, and the run is over."""
         part = SHORTER * h
         self._drive()
-        supported = (
-            self._fill(self.q, self.state.v, part, self._reach(part)) and self._again(part) == SUPPORTED
-        )
+        filled = self._fill(self.q, self.state.v, part, self._reach(part))
+        supported = filled and self._again(part) == SUPPORTED
         if supported and 0.5 * part * self.system.fastest(self.q, self.scratch.v_new) >= 0.5 * self.leapt:
             self.outcome, self.snaps = Code.MODEL_INVALID, True
         return self.snaps
