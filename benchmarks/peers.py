@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
+from typing import Any
 
 TIP = 0.01
 HEIGHT = 2.0 + TIP * math.sqrt(2.0)
@@ -33,11 +34,13 @@ class Slope:
 
 @dataclass(frozen=True)
 class Peer:
-    """One engine: name with version, whether it catches at a ratio (and in how many steps), its block."""
+    """One engine: name with version, whether it catches at a ratio (and in how many steps), its block, and
+    its own loop, so many steps of the fingers in which nobody reads or sets anything."""
 
     name: str
     catch: Callable[[float, float], tuple[bool, int]]
     block: Callable[[float, float, float, float], Slope] | None
+    bare: Callable[[float, float, int], None]
 
 
 def is_caught(x1: float, x2: float, x3: float) -> bool | None:
@@ -53,16 +56,19 @@ def is_caught(x1: float, x2: float, x3: float) -> bool | None:
 
 def peers() -> list[Peer]:
     """Those engines that are installed."""
-    known = {"mujoco": ("MuJoCo", mujoco_catch, mujoco_block), "Box2D": ("Box2D", box2d_catch, None)}
-    known["pymunk"] = ("pymunk", pymunk_catch, None)
+    known = {
+        "mujoco": ("MuJoCo", mujoco_catch, mujoco_block, mujoco_bare),
+        "Box2D": ("Box2D", box2d_catch, None, box2d_bare),
+        "pymunk": ("pymunk", pymunk_catch, None, pymunk_bare),
+    }
     return [
-        Peer(f"{name} {version(module)}", catch, block)
-        for module, (name, catch, block) in known.items()
+        Peer(f"{name} {version(module)}", *rest)
+        for module, (name, *rest) in known.items()
         if find_spec(module) is not None
     ]
 
 
-def mujoco_catch(ratio: float, h: float) -> tuple[bool, int]:
+def mujoco_fingers(h: float) -> tuple[Any, Any]:
     """Elliptic cones, the stiffest contact that the step allows (time constant 2 h), heavy fingers."""
     import mujoco
 
@@ -76,7 +82,22 @@ def mujoco_catch(ratio: float, h: float) -> tuple[bool, int]:
       <worldbody>{finger.format("left", -OFFSET, HEIGHT, TIP)}{finger.format("right", OFFSET, HEIGHT, TIP)}
       <body name="part"><joint name="part" type="slide" axis="1 0 0"/>
       <geom type="mesh" mesh="prism" mass="1"/></body></worldbody></mujoco>""")
-    data = mujoco.MjData(model)
+    return model, mujoco.MjData(model)
+
+
+def mujoco_bare(ratio: float, h: float, steps: int) -> None:
+    import mujoco
+
+    model, data = mujoco_fingers(h)
+    data.qvel[:2] = 1.0, ratio
+    mujoco.mj_step(model, data, nstep=steps)
+
+
+def mujoco_catch(ratio: float, h: float) -> tuple[bool, int]:
+    """Fingers are placed before each step."""
+    import mujoco
+
+    model, data = mujoco_fingers(h)
     speeds = (1.0, ratio)
     steps, verdict = 0, None
     while verdict is None:
@@ -106,7 +127,7 @@ def mujoco_block(angle: float, mu: float, time: float, h: float) -> Slope:
     return Slope(float(data.qpos[0]), lift)
 
 
-def box2d_catch(ratio: float, h: float) -> tuple[bool, int]:
+def box2d_fingers(ratio: float) -> tuple[Any, Any, list[Any]]:
     """Kinematic fingers, a prismatic joint for the part."""
     import Box2D
 
@@ -121,6 +142,17 @@ def box2d_catch(ratio: float, h: float) -> tuple[bool, int]:
         finger = world.CreateKinematicBody(position=(x, HEIGHT), linearVelocity=(0, -speed))
         finger.CreateCircleFixture(radius=TIP, friction=MU, restitution=0.0)
         fingers.append(finger)
+    return world, part, fingers
+
+
+def box2d_bare(ratio: float, h: float, steps: int) -> None:
+    world, _, _ = box2d_fingers(ratio)
+    for _ in range(steps):
+        world.Step(h, 10, 10)
+
+
+def box2d_catch(ratio: float, h: float) -> tuple[bool, int]:
+    world, part, fingers = box2d_fingers(ratio)
     steps, verdict = 0, None
     while verdict is None:
         world.Step(h, 10, 10)
@@ -136,7 +168,7 @@ def box2d_catch(ratio: float, h: float) -> tuple[bool, int]:
     return verdict, steps
 
 
-def pymunk_catch(ratio: float, h: float) -> tuple[bool, int]:
+def pymunk_fingers(ratio: float) -> tuple[Any, Any, list[Any]]:
     """Kinematic fingers, a part that neither turns nor leaves its line."""
     import pymunk
 
@@ -156,6 +188,17 @@ def pymunk_catch(ratio: float, h: float) -> tuple[bool, int]:
         tip.friction, triangle.friction = 1.0, MU
         space.add(finger, tip)
         fingers.append(finger)
+    return space, part, fingers
+
+
+def pymunk_bare(ratio: float, h: float, steps: int) -> None:
+    space, _, _ = pymunk_fingers(ratio)
+    for _ in range(steps):
+        space.step(h)
+
+
+def pymunk_catch(ratio: float, h: float) -> tuple[bool, int]:
+    space, part, fingers = pymunk_fingers(ratio)
     steps, verdict = 0, None
     while verdict is None:
         space.step(h)

@@ -5,8 +5,12 @@
 Two fingers: ten speed ratios r around the capture band, which is [1/2, 2] without restitution and friction
 0.5 (compliant, C = 1e4: from 0.5040 to 1.9841). All engines take the same steps and stop by the same rule.
 Times are of whole runs, set-up included: medians of repeats that alternate between the engines. The others
-are stepped from Python, as their users do; rungwise's loop is compiled. A block on a slope: what it creeps
-where friction should hold it, its acceleration where it should not, and the most that it rises off the slope.
+are stepped from Python, as their users do; rungwise's loop is compiled. The second table is of the engines'
+own loops, in which nobody reads or sets anything: `mj_step` with `nstep`, bare `world.Step` and `space.step`,
+`simulate`; times are of a step of a long run, and rates of whole runs to their verdicts, which rungwise makes
+with `rollout` at its usual `tol` on one thread, and the others one by one as above. A block on a slope: what
+it creeps where friction should hold it, its acceleration where it should not, and the most that it rises off
+the slope.
 
 An engine that is not installed is left out (`pip install .[race]` has them all).
 """
@@ -24,6 +28,7 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+import numpy as np
 import peers  # beside this file
 
 import rungwise as rw
@@ -34,6 +39,10 @@ REPEATS = 3
 HOLDS, SLIDES = 0.5, 0.2
 ANGLE = math.radians(20.0)
 CREEP_S, SLIDE_S = 9.0, 2.0
+BARE = (5_000, 70_000, 76_000, 96_000)
+"""Steps of `BARE_STEP`: fingers fly between the first two, and one pushes the part between the others."""
+BARE_STEP, BARE_RATIO = 2e-5, 0.6
+RUNS, TOL = 2000, 1e-3
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,16 @@ class Grasp:
     steps_per_s: float
     runs_per_s: float
     relative: float = 1.0
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Microseconds of processor time of a bare step, in flight and in touch; whole runs in a second of it."""
+
+    engine: str
+    flight: float
+    touch: float
+    runs_per_s: float
 
 
 @dataclass(frozen=True)
@@ -104,6 +123,46 @@ def grasps(ratios: Sequence[float], steps: Sequence[float], repeats: int) -> lis
     return rows
 
 
+def spent(work: Callable[[], object], repeats: int) -> float:
+    """Least processor time of some work."""
+    times = []
+    for _ in range(repeats):
+        began = time.process_time()
+        work()
+        times.append(time.process_time() - began)
+    return min(times)
+
+
+def loops(ratios: Sequence[float], h: float, repeats: int, runs: int) -> list[Loop]:
+    """Every engine in its own loop; a step is the difference of two long runs, over their steps."""
+    scene, rows = rw.load("two_finger"), []
+    draws = {"v1": np.ones(runs), "v2": np.resize(ratios, runs)}
+
+    def ours(rung: rw.Rung, steps: int) -> None:
+        values = {"v1": 1.0, "v2": BARE_RATIO}
+        rw.simulate(scene, rung, parameters=values, step=BARE_STEP, duration=steps * BARE_STEP, frames=3)
+
+    def row(engine: str, bare: Callable[[int], None], batch: Callable[[], object], count: int) -> Loop:
+        took = [spent(partial(bare, steps), repeats) for steps in BARE]
+        flight, touch = (1e6 * float(x) for x in np.diff(took)[::2] / np.diff(BARE)[::2])
+        return Loop(engine, flight, touch, count / spent(batch, repeats))
+
+    for rung in (rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT):
+        batch = partial(rw.rollout, scene, rung, parameters=draws, tol=TOL, keep=False, threads=1)
+        batch()
+        rows.append(row(rung.name, partial(ours, rung), batch, runs))
+    for peer in peers.peers():
+
+        def bare(steps: int, peer: peers.Peer = peer) -> None:
+            peer.bare(BARE_RATIO, BARE_STEP, steps)
+
+        def one_by_one(peer: peers.Peer = peer) -> list[tuple[bool, int]]:
+            return [peer.catch(ratio, h) for ratio in ratios]
+
+        rows.append(row(peer.name, bare, one_by_one, len(ratios)))
+    return rows
+
+
 def block(rung: rw.Rung, angle: float, mu: float, duration: float, h: float) -> peers.Slope:
     """The lone block of the scene `blocks`."""
     data: dict[str, Any] = rw.load("blocks").file.model_dump(mode="json")
@@ -138,14 +197,17 @@ def main(
     ratios: Sequence[float] = RATIOS,
     steps: Sequence[float] = STEPS,
     repeats: int = REPEATS,
+    runs: int = RUNS,
 ) -> int:
     """Print both tables, or one JSON object."""
     parser = argparse.ArgumentParser(description="rungwise beside other engines.")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args(arguments)
     grasped, slid = grasps(ratios, steps, repeats), slidings(max(steps))
+    bare = loops(ratios, sorted(steps)[len(steps) // 2], repeats, runs)
     if options.json:
         rows = {"grasps": [asdict(row) for row in grasped], "slidings": [asdict(row) for row in slid]}
+        rows["loops"] = [asdict(row) for row in bare]
         print(json.dumps({"ratios": list(ratios)} | rows))
         return 0
     truth = "".join(str(int(0.5 <= ratio <= 2.0)) for ratio in ratios)
@@ -159,6 +221,10 @@ def main(
             f"{row.engine:24s} {row.step:6.0e} {row.verdicts:>12s} {row.wrong:6d} {row.steps_per_s:9.3g}"
             f" {row.runs_per_s:8.3g} {row.relative:9.2g}"
         )
+    print("the engines' own loops, and whole runs")
+    print(f"{'':24s} {'flight':>12s} {'touch':>12s} {'runs/s':>8s}")
+    for loop in bare:
+        print(f"{loop.engine:24s} {loop.flight:9.2f} us {loop.touch:9.2f} us {loop.runs_per_s:8.3g}")
     print("block on a slope of 20 degrees")
     print(f"{'':24s} {'step':>6s} {'creep in 9 s':>13s} {'error of a':>11s} {'lift-off':>10s}")
     for line in slid:
