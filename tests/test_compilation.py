@@ -10,8 +10,11 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 HEAR = "\nfrom rungwise.compilation.progress import compiling\nprint(compiling.kernels)\n"
@@ -337,3 +340,18 @@ def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
         harm(file)
     *said, compiled = run(AS_FROM_A_WHEEL + USE + HEAR)
     assert said == ["6.0", "-8.0"] and int(compiled) == (len(files) - 1 if harm is _swap else len(files))
+
+
+def test_indices_in_kernels_of_the_package_count_from_the_start_unless_they_are_literals() -> None:
+    """numba compares every index with zero, so that -1 may mean the last element; kernels do without."""
+    numba = import_module("numba")
+    import_module("rungwise.compilation.calls")
+    compared = []
+    for module in ("rungwise.made", "elsewhere"):
+        made: dict[str, Any] = {"__name__": module}
+        exec("def read(x, i):\n    return x[i] + x[-1]\n", made)
+        read = numba.njit(made["read"])
+        assert read(np.array([1.0, 2.0, 4.0]), 1) == 6.0
+        compared.append("icmp slt i64" in read.inspect_llvm(read.signatures[0]))
+    assert compared == [False, True]
+    assert read(np.array([1.0, 2.0, 4.0]), -2) == 6.0

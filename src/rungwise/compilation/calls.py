@@ -33,6 +33,7 @@ from numba.core.sigutils import normalize_signature
 from numba.core.typing.templates import make_intrinsic_template
 
 from rungwise.compilation.cache import KernelCache
+from rungwise.compilation.indices import count_from_start
 from rungwise.compilation.progress import compiling
 
 if TYPE_CHECKING:
@@ -205,6 +206,7 @@ def _linker() -> Any:
     return engine
 
 
+count_from_start()
 _ENGINE = _linker()
 llvmlite.binding.add_symbol(_SYMBOL, _ENGINE.get_function_address("linked"))
 sys.unraisablehook = _keep_interrupts(sys.unraisablehook)

@@ -15,7 +15,7 @@ import numpy as np
 
 from rungwise.contact.judge import Balance
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.kernel import Ints, linking_time
+from rungwise.kernel import Ints, linking_time, steady
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -66,6 +66,7 @@ class Simulation(Turns):
         self._sought = -math.inf
         self.workspace: Workspace | None = None
         self._turn = 10
+        self._advance = steady(loop.advance)
         self.hard: HardSteps | None = None
         if given.save_hard is not None:
             from rungwise.simulation.reasons.hard_steps import HardSteps
@@ -165,7 +166,8 @@ class Simulation(Turns):
     def _turned(self, steps: int | None, workspace: Workspace) -> None:
         """One turn, and where it ended the run, why."""
         signals = np.zeros(1, np.int64)
-        self._take(0, signals, workspace)  # loads the loop before the clock starts
+        if workspace.state.clock[0]["frames"] == 0:
+            self._take(0, signals, workspace)  # loads the loop before the clock starts
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
             alarm = threading.Timer(TURN_S, signals.fill, (1,))
@@ -207,7 +209,7 @@ class Simulation(Turns):
             self.reason += f" Here: rungwise solve {last}"
 
     def _take(self, turns: int, signals: Ints, workspace: Workspace) -> Code:
-        return Code(loop.advance(self._setting, workspace, turns, signals))
+        return Code(self._advance(self._setting, workspace, turns, signals))
 
     def result(self) -> Run:
         """The run as far as it has come."""

@@ -13,7 +13,7 @@ from rungwise.contact.step import (
     ContactProblem,
     start_associated,
 )
-from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
@@ -218,7 +218,7 @@ def _take_over(trial: Trial) -> None:
         scratch.v_new[state.free[i]] = scratch.x[i]
 
 
-@kernel
+@inner_kernel
 def solve_assembled(trial: Trial, convex: bool) -> int:
     """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
     the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are."""

@@ -217,7 +217,8 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
         stop = min(stop, next_end(conditions, inputs, -math.inf, workspace))
     h = min(planned, control[0].duration - clock.time, stop - clock.time)
     cut = stop - clock.time < planned
-    past, guarded, before = False, is_guarded(inputs, state), until_margin(inputs, workspace)
+    past, guarded = False, is_guarded(inputs, state)
+    before = until_margin(inputs, workspace) if guarded else -math.inf
     refused, nowhere = False, max(NOWHERE * control[0].tolerance, control[0].jam)
     if h > control[0].step or lasting:
         copy(state.values, workspace.scratch.begun)
@@ -235,7 +236,8 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
         if status == TAKEN:
             if rung[0].metric:
                 _note_leap(records, h, state)
-            show_inputs(inputs, state)
+            if clock.varies:
+                show_inputs(inputs, state)
             if inputs.rests[0]:
                 set_ways(records, state)
             verdict = judge(conditions, state, workspace.scratch)
@@ -246,7 +248,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                     h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
                     past = True
                     continue
-            part = shortened(inputs, control, before, h, workspace)
+            part = shortened(inputs, control, before, h, workspace) if guarded else 1.0
             if part < 1.0:
                 restore(records, workspace)
                 h, past = part * h, True
@@ -276,7 +278,8 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict
-            if switch_inputs(inputs, buffer, h, workspace):
+            left = clock.segment < inputs.durations.shape[0]
+            if left and switch_inputs(inputs, buffer, h, workspace):
                 return TIMEOUT
             if crawls(control, state):
                 return NOT_CONVERGED
