@@ -94,7 +94,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if status == UNSUPPORTED:
             status = UNSUPPORTED if first else UNSOLVED
             break
-        if first:
+        if first and rung[0].inertia == 0.0 and rung[0].loads:
             clock.leaping = leaping(records, rung, h, workspace)
             if strides(rung, h, contacts, workspace) and not stands(records, rung, h, shortest, workspace):
                 status = COARSE if h > shortest else UNSUPPORTED
@@ -234,11 +234,11 @@ def _is_finite(q: Reals) -> bool:
 
 @kernel
 def _is_thrown(records: Records, state: State, v: Reals) -> bool:
-    """Whether something moves far faster than all that is driven."""
+    """Whether something moves far faster than all that is driven, by speeds or by servos."""
     driven, free = 0.0, 0.0
     for i in range(v.shape[0]):
         speed = records.coordinates[i].lever * abs(v[i])
-        if state.prescribed[i]:
+        if state.prescribed[i] or records.coordinates[i].drive == SERVO:
             driven = max(driven, speed)
         else:
             free = max(free, speed)
