@@ -48,7 +48,12 @@ class Entry:
     @property
     def tests(self) -> list[str]:
         """The tests, below `tests`."""
-        return [word for word in self.held.replace(";", " ").split() if word not in "-+"]
+        return [word for word in self.held.partition("free")[0].split() if word not in "-+"]
+
+    @property
+    def free(self) -> float:
+        """The factor within which the number is free, or 0."""
+        return float(self.held.partition("free")[2] or 0.0)
 
 
 def constants() -> Iterator[Constant]:
@@ -88,8 +93,9 @@ the source and from `docs/constants.txt` by `docs/constants.py`. A *verdict* say
 proof or a plan is called. An *acceptance* says whether an answer, a step or a state is taken. A *search* says
 where and how long is looked; what is found is judged by other numbers. Numbers without a unit are counts, or
 parts of what their meaning names. The last column has the test that fails where the number is far smaller (-)
-or far greater (+), by a decade or two. Where it is empty no test is known to: many of these numbers were
-chosen with decades of room on both sides.
+or far greater (+), by a decade or two. *Free* are numbers of which all may be multiplied or divided by the
+factor at once, and the shipped scenes end as before (`python benchmarks/decades.py` tells). Where the column
+is empty, neither is known.
 
 """.splitlines()
 
@@ -179,21 +185,22 @@ def _number(value: Any) -> str:
 
 def _tests(entry: Entry) -> str:
     """Tests as their names alone: files are in `constants.txt`."""
-    words = (
+    words = [
         word if word in "-+" else f"`{word.rpartition('::')[2].rpartition('/')[2]}`"
-        for word in entry.held.split()
-    )
-    return " ".join(words)
+        for word in entry.held.partition("free")[0].split()
+    ]
+    return " ".join([*words, *([f"free by a factor of {entry.free:g}"] if entry.free else [])])
 
 
 def _summary(listed: list[Entry]) -> list[str]:
-    lines = ["| decides | numbers | held by a test |", "|---|---|---|"]
+    lines = ["| decides | numbers | held by a test | free by a factor |", "|---|---|---|---|"]
     for kind in DECIDING:
         mine = [entry for entry in listed if entry.kind == kind]
-        held = sum(len(entry.names) for entry in mine if entry.held)
-        lines.append(f"| {kind} | {sum(len(entry.names) for entry in mine)} | {held} |")
+        held = sum(len(entry.names) for entry in mine if entry.tests)
+        free = sum(len(entry.names) for entry in mine if entry.free and not entry.tests)
+        lines.append(f"| {kind} | {sum(len(entry.names) for entry in mine)} | {held} | {free} |")
     others = sum(len(entry.names) for entry in listed if entry.kind in PLAIN)
-    return [*lines, f"| nothing (speed, sizes, codes) | {others} | |"]
+    return [*lines, f"| nothing (speed, sizes, codes) | {others} | | |"]
 
 
 if __name__ == "__main__":

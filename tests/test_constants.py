@@ -67,3 +67,26 @@ def _is_used(name: str, file: str, texts: dict[str, str]) -> bool:
     return len(word.findall(texts[file])) > 1 or any(
         bool(imported.search(text) and word.search(text)) or of_module in text for text in texts.values()
     )
+
+
+def test_numbers_that_are_free_are_changed_where_they_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    decades = script("benchmarks/decades.py", monkeypatch)
+    own: dict[str, object] = {}
+    exec(decades.changed('A, B = 2.0, 3\n"""Two numbers."""\nC = 2.0 * A\n', {"A", "B"}, 0.1), own)
+    assert (own["A"], own["B"], own["C"]) == (0.2, 1, 0.4)
+    for factor, numbers in decades.free().items():
+        assert factor > 1.0
+        for file in {file for file, _ in numbers}:
+            text = (decades.ROOT / "src/rungwise" / file).read_text("utf-8")
+            assert decades.changed(text, {name for own, name in numbers if own == file}, factor) != text
+
+
+def test_runs_notice_another_outcome_and_another_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    decades = script("benchmarks/decades.py", monkeypatch)
+    before = {("one", "rung"): ("goal", [0.0, 1.0], 1.0)}
+    for after, count in (
+        (("goal", [0.0, 1.02], 1.0), 0),
+        (("goal", [0.0, 1.1], 1.0), 1),
+        (("jammed", [0.0, 1.0], 1.0), 1),
+    ):
+        assert len(decades.notices(before, {("one", "rung"): after})) == count

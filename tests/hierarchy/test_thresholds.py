@@ -1,0 +1,70 @@
+"""Numbers that a fit's verdict turns at, from both sides."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rungwise.hierarchy.along_paths import Distances
+from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, UNDECIDED, Fit
+from rungwise.hierarchy.refine import settle
+
+NAN = float("nan")
+
+
+def fit(distances: tuple[float, ...], floor: float, order: float = 1.0, error: float = 0.0) -> Fit:
+    path: Any = SimpleNamespace(name="k", words="k grows")
+    count = len(distances)
+    values, floors = tuple(10.0**k for k in range(count)), (floor,) * count
+    return Fit(path, values, distances, floors, order, error, 1.0, 0, (1e-6,) * count)
+
+
+@pytest.mark.parametrize(
+    ("distances", "floor", "order", "verdict"),
+    [
+        ((1e-9, 1e-9, 1e-9), 1e-12, 1.0, SAME),  # below all that solvers leave
+        ((1e-7, 1e-7, 1e-7), 1e-12, 1.0, INDEPENDENT),
+        ((1e-6, 1e-6, 1e-6), 1e-3, 1.0, SAME),  # within the floor
+        ((1e-4, 1e-4, 1e-4), 1e-3, 1.0, UNDECIDED),
+        ((1.0, 1.0 + 1e-4, 1.0), 0.5, 1.0, INDEPENDENT),  # all the same
+        ((1.0, 1.0 + 1e-2, 1.0), 0.5, 1.0, TENDS),
+        ((1.0, 0.9, 0.8), 1e-6, 0.02, STAYS),
+        ((1.0, 0.5, 0.1), 1e-6, 0.3, TENDS),
+        ((1.0, 0.05), 1e-6, NAN, TENDS),  # too few for an order, and a tenth at the end
+        ((1.0, 0.3), 1e-6, NAN, UNDECIDED),
+    ],
+)
+def test_verdicts(distances: tuple[float, ...], floor: float, order: float, verdict: str) -> None:
+    assert fit(distances, floor, order).verdict == verdict
+
+
+def test_distances_tell_from_ten_times_their_error_on_which_is_no_less_than_rounding() -> None:
+    away = np.array([3e-10, 3e-9, 3e-6, 3e-5])
+    error = np.array([0.0, 0.0, 1e-6, 1e-6])
+    known = Distances(np.zeros((4, 1, 1, 1)), away, error, error)
+    assert (away > known.floors).tolist() == [False, True, False, True] and known.seen == 2
+
+
+def test_runs_are_repeated_until_motions_change_by_a_hundredth_of_the_accuracy() -> None:
+    """Motions that change by three hundredths, and then by a third of one."""
+    from rungwise.hierarchy.motions import Motions
+
+    asked: list[float] = []
+
+    class Bench:
+        budget = 10**9
+
+        def run(self, _model: Any, inputs: Any, _until: Any, tol: float, **_: Any) -> Motions:
+            asked.append(tol)
+            m = len(inputs)
+            place = {1e-3: 0.0, 1e-4: 3e-4, 1e-5: 3.3e-4}[tol]
+            ones = np.ones(m, np.int64)
+            return Motions(np.full((m, 2, 1, 1), place), 0 * ones, np.ones(m), ones, ones)
+
+    bench: Any = Bench()
+    model: Any = None
+    settled = settle(bench, model, np.zeros((1, 1)), np.ones(1), 1e-2)
+    assert asked == [1e-3, 1e-4, 1e-5] and settled.error[0] == pytest.approx(3e-5)

@@ -1,0 +1,50 @@
+"""Numbers that plans are judged by, from both sides."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rungwise.planning.search.problem import Work
+from rungwise.planning.squeeze import squeeze_plan
+from rungwise.planning.task.task import Task, _is_slow
+
+
+def stub(**members: Any) -> Any:
+    return SimpleNamespace(**members)
+
+
+def test_angles_are_the_same_up_to_a_billionth() -> None:
+    for off, period in ((1e-10, math.pi / 2.0), (2e-8, math.pi)):
+        square = [[0.0, 0.0], [1.0, 0.0], [1.0 + off, 1.0], [0.0, 1.0]]
+        assert squeeze_plan(square).function.period == pytest.approx(period)
+
+
+def test_a_plan_that_lacks_a_billionth_lacks_nothing() -> None:
+    for lack, was_there in ((1e-10, True), (1e-8, False)):
+        work = stub(was_there=False, nearest=math.inf, nearest_at=None)
+        Work.came_near(work, lack, np.zeros(1))
+        assert work.was_there == was_there and (work.nearest == lack) == (not was_there)
+
+
+def test_inputs_keep_their_bounds_up_to_a_billionth_of_them() -> None:
+    task = stub(low=np.array([-1.0]), high=np.array([1.0]))
+    assert Task.allows(task, np.array([[1.0 + 2e-10], [1.0 + 2e-8]])).tolist() == [True, False]
+
+
+def test_pushes_are_slow_where_objects_coast_by_less_than_a_hundredth_of_their_size() -> None:
+    for speed, is_slow in ((0.06, True), (0.3, False)):
+        carriers: Any = (stub(by_place=False, speed=speed),)
+        assert _is_slow(np.ones(1), carriers, 1.0) == is_slow
+
+
+def test_objects_rest_below_a_hundredth_of_the_robots_speed_and_are_waited_for_ten_pushes() -> None:
+    carrier: Any = stub(speed=0.5, push=(0.1, 2.0))
+    task = stub(_speeds=[0.5], carriers=(carrier,), size=1.0)
+    still: Any = Task.still
+    patience: Any = Task.patience
+    assert still.fget(task) == pytest.approx(0.005) and patience.fget(task) == pytest.approx(40.0)

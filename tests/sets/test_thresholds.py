@@ -1,0 +1,48 @@
+"""Numbers that sets are drawn by, from both sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.kernel import Reals
+from rungwise.sets.cells import crossings
+from rungwise.sets.motions import motions
+
+
+def test_extreme_motions_are_a_thousand_paces_fast() -> None:
+    fastest = [abs(speed) for motion in motions(rw.load("push"), rw.KINEMATIC) for speed in motion.values()]
+    assert fastest and set(fastest) == {1e3}
+
+
+def test_trials_end_where_a_crossing_is_known_to_a_quarter_of_a_cell() -> None:
+    """Labels change at three tenths of an edge, and margins say nothing."""
+
+    class Vertices:
+        labels, margins = np.array([0, 1]), np.full(2, np.nan)
+
+        def places(self, keys: Any) -> Reals:
+            return np.zeros((len(keys), 1))
+
+    class Tree:
+        axes, spent, vertices = 1, False, Vertices()
+
+        def size(self, _level: int) -> int:
+            return 1
+
+    tried: list[float] = []
+
+    def oracle(places: Reals) -> tuple[Any, Reals]:
+        tried.extend(places[:, 0].tolist())
+        return (places[:, 0] > 0.3).astype(np.int64), np.full(len(places), np.nan)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(crossings, "crossing_edges", lambda *_: np.zeros(1, np.int64))
+        patch.setattr(crossings, "ends_of", lambda *_: (np.array([0]), np.array([1])))
+        tree: Any = Tree()
+        at = crossings.solve(tree, 0, oracle)[1]
+    below, above = max(x for x in [0.0, *tried] if x <= 0.3), min(x for x in [1.0, *tried] if x > 0.3)
+    assert len(tried) <= 4 and below <= at[0] <= above and 0.0025 < above - below <= 0.25

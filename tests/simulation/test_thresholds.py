@@ -1,0 +1,75 @@
+"""Numbers that runs turn at, from both sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.simulation.core.crawl import Crawl
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.spatial.replay import _between
+from tests.simulation.core.test_particle import Particle
+
+
+def test_steps_lead_nowhere_after_so_many_attempts() -> None:
+    for span, few, many in ((0.0, 3_000, 30_000), (0.5, 20_000, 200_000)):
+        for attempts, ends in ((few, False), (many, True)):
+            assert Crawl(1.0, attempts=attempts).leads_nowhere(span) == ends
+
+
+def test_a_segment_is_spent_up_to_rounding() -> None:
+    told = np.zeros(1)
+    for left, segment in ((1e-11, 0), (1e-13, 1)):
+        clock = Clock((Segment({}, 1.0), Segment({}, 1.0)), 0.0, ())
+        assert clock.go_on(1.0 - left, told, lambda _: False) and clock.segment == segment
+
+
+@pytest.mark.parametrize(("speed", "bounces"), [(0.003, False), (0.3, True)])
+def test_an_approach_as_slow_as_loads_cause_is_rest(speed: float, bounces: bool) -> None:
+    """Loads cause g h = 0.01 in a step."""
+    falling = Particle((0.0, 0.0), (0.0, -speed), load=(0.0, -10.0), restitution=0.5)
+    stepper = Stepper(falling, rw.DYNAMIC_RIGID, 1e-3)
+    stepper.advance(1e-3)
+    assert (stepper.v[1] > 0.5 * 0.5 * speed) == bounces
+
+
+def test_steps_grow_and_shrink_by_no_more_than_is_usual() -> None:
+    """Where the error is next to nothing, a step twice as long follows; where it is great, a fifth."""
+    stepper = Stepper(Particle((0.0, 9.0), load=(0.0, -10.0)), rw.DYNAMIC_RIGID, 1.0)
+    assert stepper.advance(1e-6, 1e-6) == pytest.approx(2e-6)
+    stepper.advance(0.04, 1e-6)  # 4e-4 is as long as a step may be
+    assert stepper.attempts == 1 + 4
+
+
+def test_what_slides_in_one_judge_alone_is_told_from_a_millionth_of_the_fastest_on() -> None:
+    mine: dict[str, float] = {"mode": 1, "gap": 0.0}
+    for slip, lines in ((1e-7, 0), (1e-5, 1)):
+        assert len(_between("a|b", mine, {"slip": slip, "depth": 0.0}, 1.0)) == lines
+
+
+def discs(overlap: float) -> dict[str, Any]:
+    """Two discs of radius 1 that overlap, of which one may slide off."""
+    disc = {"kind": "disc", "radius": 1.0}
+    return {
+        "name": "discs",
+        "bodies": {
+            "one": {"role": "obstacle", "shape": disc},
+            "other": {
+                "role": "object", "mass": 1.0, "shape": disc, "pose": {"x": 2.0 - overlap},
+                "motion": {"kind": "slide", "axis": [1, 0]},
+            },
+        },
+        "contacts": [{"between": ["one", "other"], "stiffness": 1e4, "damping": 1.0}],
+        "duration": 2e-3,
+        "step": 1e-3,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("overlap", "begins"), [(2e-10, True), (2e-8, False)])
+def test_a_start_may_overlap_by_rounding(overlap: float, begins: bool) -> None:
+    assert (rw.simulate(discs(overlap), "dynamic-rigid").outcome.name != "invalid") == begins
