@@ -48,6 +48,8 @@ class Cluster:
     """Runs batches on a scheduler's workers: `make(*job)` makes one there. Errors are of the type `error`,
     with a `note`: when there is no worker, or none is left."""
 
+    in_time = False
+
     def __init__(
         self, address: str, make: Maker, job: tuple[str, ...], error: type[InputError], note: str = ""
     ) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.deadline import TimeOver
+from rungwise.deadline import Deadline, TimeOver
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.lift import lift as climb
 from rungwise.planning.motion.propagate import Budget
@@ -45,7 +45,7 @@ def test_a_limit_holds_in_the_replay_that_confirms(monkeypatch: pytest.MonkeyPat
 
     def begun(work: Work, plan: rw.Plan) -> bool:
         ends.append(time.monotonic() + 1.0)
-        work.budget.ends = ends[-1]
+        work.budget.end = Deadline(1.0)
         return confirmed(work, plan)
 
     monkeypatch.setattr(climb, "_is_confirmed", begun)
@@ -73,12 +73,12 @@ def test_what_progress_raises_ends_a_diagnosis() -> None:
 
 def test_parts_of_a_budget_are_given_back() -> None:
     budget = Budget(1000, 100.0)
-    ends = budget.ends
+    ends = budget.end.ends
     with pytest.raises(TimeOver), budget.part(0.1):
-        assert budget.most == 100 and budget.ends < ends - 80.0
-        budget.ends = time.monotonic() - 1.0
+        assert budget.most == 100 and budget.end.ends < ends - 80.0
+        budget.end = Deadline.at(time.monotonic() - 1.0)
         budget.look()
-    assert (budget.most, budget.ends) == (1000, ends)
+    assert (budget.most, budget.end.ends) == (1000, ends)
     budget.look()
 
 

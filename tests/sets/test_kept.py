@@ -242,10 +242,10 @@ def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch
 
 
 @pytest.mark.parametrize("batches", [0, 1, 3])
-def test_a_batch_that_a_limit_ends_is_not_kept(
+def test_of_a_batch_that_a_limit_ends_the_runs_that_are_done_are_kept(
     batches: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The last run of each batch after so many is still going on then; it is made again on resuming."""
+    """The last run of each batch after so many is still going on then; it alone is made again on resuming."""
     asked: dict[str, Any] = {"tol": 0.05, "threads": 1}
     whole = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), **asked)
     run, made = rw.Batch.run, itertools.count()
@@ -263,8 +263,16 @@ def test_a_batch_that_a_limit_ends_is_not_kept(
             assert not found.complete and found.evaluations < whole.evaluations
         except rw.SetError as error:
             assert batches == 0 and "first cells" in str(error)
-    assert len(list((tmp_path / "batches").iterdir())) == batches
+    assert len(list((tmp_path / "batches").iterdir())) == batches + 1
+    sizes = list[int]()
+
+    def count(own: rw.Batch, points: Any, **options: Any) -> rw.Results:
+        sizes.append(len(points))
+        return run(own, points, **options)
+
+    monkeypatch.setattr(rw.Batch, "run", count)
     again = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), out=tmp_path, resume=True, **asked)
+    assert sizes[0] == 1
     assert again.complete and again.evaluations == whole.evaluations
     points = whole.random(500, 0)
     assert (again.labels(points) == whole.labels(points)).all()

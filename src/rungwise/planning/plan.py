@@ -44,6 +44,8 @@ OPEN_LOOP, GUARDED, RE_PLANNING = "open loop", "guarded moves", "re-planning"
 """How a plan is executed: as it is; with moves that end at a contact; planned anew after each move."""
 
 
+SHOWN_S = 20.0
+"""Seconds after which a console that shows a plan shows its replay as far as it has come."""
 PLACES_ONLY = "it is of the geometric rung: it has places, but no inputs; lift it to a richer rung"
 
 
@@ -184,7 +186,7 @@ class Plan:
     def _repr_html_(self) -> str:
         import rungwise
 
-        return rungwise.to_html(self)
+        return rungwise.to_html(self, limit=SHOWN_S)
 
     @keywords
     def plot(self, frames: int = 6, *, limit: float | None = None) -> Figure:

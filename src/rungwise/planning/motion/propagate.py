@@ -73,7 +73,7 @@ class Budget:
 
     def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
-        self.ends = Deadline(seconds(limit)).ends
+        self.end = Deadline(seconds(limit))
         self.cut = 0
         self.tell: Callable[[], None] = _nothing
         self._told = clock.monotonic()
@@ -100,32 +100,31 @@ class Budget:
     def part(self, share: float) -> Iterator[None]:
         """Allow only this part of the steps and of the time that are left, until the end of the context; of
         `UNBOUNDED` steps where neither is bounded, so that all stages have their turns."""
-        most, ends, spent = self.most, self.ends, self.spent.total()
-        if most is not None or ends == math.inf:
+        most, end, spent = self.most, self.end, self.spent.total()
+        if most is not None or end.ends == math.inf:
             self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
-        if ends < math.inf:
-            self.ends = ends - (1.0 - share) * max(0.0, ends - clock.monotonic())
+        self.end = end.part(share)
         try:
             yield
         finally:
             self.cut += not self.is_in_time()
-            self.most, self.ends = most, ends
+            self.most, self.end = most, end
+
+    @property
+    def deadline(self) -> Deadline:
+        """When the time is over, with a halt of its own."""
+        return Deadline.at(self.end.ends)
 
     def within(self, steps: int | None) -> Budget:
         """Another budget, of so many steps, that ends when this one does."""
         other = Budget(steps)
-        other.ends = self.ends
+        other.end = self.end
         return other
-
-    @property
-    def deadline(self) -> Deadline:
-        """When the time is over."""
-        return Deadline.at(self.ends)
 
     @property
     def seconds(self) -> float | None:
         """The time that is left; None without a limit."""
-        return None if self.ends == math.inf else max(0.0, self.ends - clock.monotonic())
+        return self.end.seconds
 
     def extend(self, steps: int) -> None:
         """Allow so many steps from now on."""
@@ -140,7 +139,7 @@ class Budget:
 
     def is_in_time(self) -> bool:
         """Whether time is left, whatever the steps."""
-        return clock.monotonic() < self.ends
+        return not self.end.is_over
 
     @property
     def left(self) -> bool:

@@ -233,13 +233,14 @@ def feasible_set(
             known, also from within a long step, and the set is not `complete`.
         threads: as many as there are cores if not given. The set does not depend on it.
         cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
-        out: folder where every finished batch is kept, and in the end the set.
+        out: folder where batches are kept, those that a limit ended with the runs that were done, and in the
+            end the set.
         resume: go on from the batches kept in `out`.
         on_progress: called with the present task, runs so far, and runs asked for so far.
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written, and
-    LimitError where the limit is over before the first cells are known; batches that are kept then serve
-    `resume`.
+    LimitError where the limit is over before the first cells are known; in `out` the runs that are done then
+    are kept, and `resume` goes on from them.
     """
     deadline = Deadline(seconds(limit))
     loaded = load(scene)
@@ -329,8 +330,9 @@ def _grow(
             tree.grow_around(near.tree, oracle)
     except BudgetSpent:
         if oracle.deadline.is_over:
+            kept = "runs that are done are kept, resume goes on from them" if oracle.keeps else ""
             raise LimitError(
-                "limit: the time was over before the first cells were known; give more time"
+                f"limit: the time was over before the first cells were known; {kept or 'give more time'}"
             ) from None
         raise SetError("budget: is too small for the first cells; give more runs") from None
     made = hits = 0

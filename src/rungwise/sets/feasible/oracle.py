@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -21,7 +22,10 @@ KEPT = 4096
 
 
 class Runner(Protocol):
-    """The interface of objects that run batches."""
+    """The interface of objects that run batches; `in_time` says whether they leave runs `running` when the
+    deadline has come."""
+
+    in_time: bool
 
     def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
         """Run batches of points (m, d); each answer as soon as it is known, in any order.
@@ -34,6 +38,8 @@ class Runner(Protocol):
 class InProcess:
     """The threads of this process, one batch after the other; runs that the deadline ends are `running`."""
 
+    in_time = True
+
     def __init__(self, batch: Motions, deadline: Deadline) -> None:
         self._batch, self._deadline = batch, deadline
 
@@ -45,7 +51,7 @@ class InProcess:
 
 class Oracle:
     """Answers in batches; `count` is the number of runs so far, `task` their purpose. Raises BudgetSpent
-    where that is spent, or the deadline has come; batches that are done then are kept."""
+    where that is spent, or the deadline has come; runs that are done then are kept."""
 
     def __init__(
         self,
@@ -59,29 +65,36 @@ class Oracle:
     ) -> None:
         self._runner, self._log, self._budget, self._report = runner, log, budget, on_progress
         self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
-        self._batches, self.deadline = 0, deadline
+        self._batches, self._ended, self.deadline = 0, False, deadline
         self.count = 0
         self.task = ""
 
+    @property
+    def keeps(self) -> bool:
+        """Whether runs that are done are kept."""
+        return self._log is not None
+
     def __call__(self, places: Reals) -> tuple[Ints, Reals]:
-        if self.count + len(places) > self._budget or self.deadline.is_over:
+        if self._ended or self.count + len(places) > self._budget or self.deadline.is_over:
             raise BudgetSpent
         points = self._low + places * self._unit
         batches = [points[at : at + KEPT] for at in range(0, len(points), KEPT)]
         answers = self._known(batches)
-        missing = [number for number in range(len(batches)) if number not in answers]
-        target = self.count + len(points)
-        self.count += sum(len(batches[number]) for number in answers)
-        for k, outcome, margin in self._runner.answers(
-            [batches[number] for number in missing], lambda done: self._tell(done, target)
+        open_ = {k: np.flatnonzero(outcome == Code.RUNNING) for k, (outcome, _) in answers.items()}
+        missing, target = [k for k, rows in open_.items() if len(rows)], self.count + len(points)
+        self.count += len(points) - sum(len(open_[k]) for k in missing)
+        for i, outcome, margin in self._runner.answers(
+            [batches[k][open_[k]] for k in missing], lambda done: self._tell(done, target)
         ):
-            if (outcome == Code.RUNNING).any():
+            k, rows = missing[i], open_[missing[i]]
+            answers[k][0][rows], answers[k][1][rows] = outcome, margin
+            done = len(rows) - int((outcome == Code.RUNNING).sum())
+            if self._log is not None and done > 0:
+                self._log.write(self._batches + k, batches[k], *answers[k])
+            if done < len(rows):
+                self._ended = True
                 raise BudgetSpent
-            number = missing[k]
-            answers[number] = outcome, margin
-            if self._log is not None:
-                self._log.write(self._batches + number, batches[number], outcome, margin)
-            self.count += len(batches[number])
+            self.count += len(rows)
         self._batches += len(batches)
         outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
         for number, (outcome, margin) in answers.items():
@@ -90,14 +103,16 @@ class Oracle:
         return labels(outcomes), margins
 
     def _known(self, batches: Sequence[Reals]) -> dict[int, tuple[Ints, Reals]]:
-        """The kept answers among these batches."""
-        if self._log is None:
-            return {}
-        found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}
-        return {k: answer for k, answer in found.items() if answer is not None}
+        """The kept answers to these batches; where there is none, runs are `running`."""
+        answers = {}
+        for k, points in enumerate(batches):
+            kept = None if self._log is None else self._log.read(self._batches + k, points)
+            none = np.full(len(points), int(Code.RUNNING)), np.full(len(points), math.nan)
+            answers[k] = none if kept is None else kept
+        return answers
 
     def _tell(self, done: int, target: int) -> None:
-        if self.deadline.is_over:
+        if self.deadline.is_over and not self._runner.in_time:
             raise BudgetSpent
         if self._report is not None:
             self._report(self.task, self.count + done, target)
