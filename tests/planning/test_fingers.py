@@ -125,6 +125,15 @@ def test_rigid_fingers_at_what_gravity_holds_are_told() -> None:
     assert not taken(task_of(rw.load("push"))).notes
 
 
+@pytest.mark.parametrize(("field", "value"), [("over", True), ("contacts", 2)])
+def test_what_no_plan_makes_a_finger_do_is_told_before_and_refused(field: str, value: Any) -> None:
+    scene = rw.load(lifter(fingers={"finger1": FINGER | {field: value}}))
+    (told,) = taken(task_of(scene)).notes
+    assert told.startswith("finger1 may ") and f"leave {field} out" in told
+    with pytest.raises(rw.TaskError, match=f"finger1 may .*leave {field} out"):
+        rw.plan(scene)
+
+
 def _shared_hand(length: float = 1.0) -> dict[str, Any]:
     """Two links, the second held by the first, and a ball; all lengths times `length`."""
     upper, lower = (

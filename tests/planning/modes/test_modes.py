@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.follow import follow
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
-from rungwise.planning.modes.planner import anew_on, mode_planner
+from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner
+from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
@@ -423,9 +425,9 @@ def test_saved_plans_are_read_again(tmp_path: Any) -> None:
     assert again.replay().outcome == rw.Outcome.GOAL
 
 
-def test_an_object_is_guided_around_a_wall() -> None:
-    """The way of a box around a wall on its straight way keeps apart from it; a free one needs no guide."""
-    scene = rw.load(
+def box_before_a_wall() -> rw.Scene:
+    """A box on a support, seen from above, with a wall on its straight way, and a finger."""
+    return rw.load(
         {
             "name": "around", "inputs": ["x1", "y1"],
             "parameters": {"x1": {"default": -0.3}, "y1": {"default": 0.0}},
@@ -455,6 +457,11 @@ def test_an_object_is_guided_around_a_wall() -> None:
             },
         }
     )  # fmt: skip
+
+
+def test_an_object_is_guided_around_a_wall() -> None:
+    """The way of a box around a wall on its straight way keeps apart from it; a free one needs no guide."""
+    scene = box_before_a_wall()
     ground, seen = _start(scene)
     goal = seen.q.copy()
     goal[ground.columns[0]] = 0.6
@@ -467,3 +474,50 @@ def test_an_object_is_guided_around_a_wall() -> None:
     straight = guide(ground, seen.q, near, 0, lambda: True)
     assert straight is not None and not len(straight)
     assert guide(ground, seen.q, goal, 0, lambda: False) is None
+
+
+def test_the_shortest_courses_are_followed_in_turn() -> None:
+    """Of the ways around a wall, on either side, for some trees each."""
+    work = _work(box_before_a_wall())
+    planner = mode_planner(work, work.predictor(Stage(rw.QUASISTATIC_RIGID, 1e-3)))
+    assert planner is not None
+    (ground,) = planner.scene.grounds.values()
+    seen = list[float]()
+    for planner.turn in range(0, COURSES * FOLLOWED, FOLLOWED):
+        course = planner._course(ground)
+        seen.append(sum(ground.away(a, b) for a, b in pairwise(course)))
+        assert course is planner._course(ground)
+    assert seen == sorted(seen) and len(set(seen)) == COURSES
+    assert seen[0] >= 0.59
+
+
+def test_nodes_with_a_course_lack_what_is_left_of_it_and_more_where_moves_are_spent() -> None:
+    work = _work(box_before_a_wall())
+    planner = mode_planner(work, work.predictor(Stage(rw.QUASISTATIC_RIGID, 1e-3)))
+    assert planner is not None
+    (ground,) = planner.scene.grounds.values()
+    root, course = planner.nodes[0], planner._course(ground)
+    on = replace(root, places=root.places._replace(q=course[len(course) // 2][None]))
+    planner.nodes = [root, on, replace(on, grasps=2), replace(on, grasps=work.task.moves[1])]
+    start, half, early, late = planner._lacks().tolist()
+    assert half == early < start
+    assert half == pytest.approx(0.5, abs=0.1)
+    assert late > start
+
+
+def test_a_tree_that_does_not_come_to_the_goal_leads_along_its_path() -> None:
+    """In a few rounds; without a path it leads nowhere then."""
+    work = _work(box_before_a_wall())
+    planner = mode_planner(work, work.predictor(Stage(rw.QUASISTATIC_RIGID, 1e-3)))
+    assert planner is not None
+    (ground,) = planner.scene.grounds.values()
+    q, course = work.start.q[0], planner._course(ground)
+
+    def led(path: Any) -> Any:
+        return propose(
+            ground, q, q, course[-1:], planner._reached(ground), 0.1, np.random.default_rng(0), 12,
+            Counter(), lambda _: None, path, 8, Counter(),
+        )  # fmt: skip
+
+    assert led(course[:0]) is None
+    assert far(ground, led(course)[-1].way.places[-1], course) >= 3

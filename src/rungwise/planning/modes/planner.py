@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.goals import inner_goals
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
-from rungwise.planning.modes.tree import propose
+from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.problem import Found, Work
@@ -26,20 +27,23 @@ from rungwise.world.find import world_of
 PRESSES, PACES = (0.05, 0.1, 0.05, 0.2), (1.0, 1.0, 2.0, 4.0)
 """Parts of the load with which fingers press at least, and how many times slower than their speed they go, in
 turn."""
-ROUNDS = (40, 80, 160)
-"""Rounds of trees, in turn."""
+ROUNDS, ALONG = (40, 80, 160), 4
+"""Rounds of trees, in turn; and at least, for each place of a course that is left."""
 DRIFTED = 0.15
 """How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
 ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
 objects, and a turn by modes where they do not."""
+SPARING = 4.0
+"""How much more a node with a course lacks where more of its moves than of the course are spent."""
 OTHERS = 0.1
 """How often another object than one of the goal is moved."""
 STEP = 3
 """Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
 searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
-GUIDES = 4
-"""How often the way of an object alone is sought, to one place at the goal after the other."""
+GUIDES, COURSES, FOLLOWED = 8, 3, 4
+"""How often the way of an object alone is sought, to one place at the goal after the other; how many of the
+shortest are followed, and in how many trees each, in turn."""
 GOAL_PLACES = "places at the goal"
 """By which these are kept."""
 IDLE = 8
@@ -113,7 +117,7 @@ class ModePlanner:
         self.nodes = [self.scene.root()]
         self.turn = 0
         self._places = _goals(work)
-        self._courses: dict[int, Reals] = {}
+        self._courses: dict[int, list[Reals]] = {}
 
     @property
     def is_barred(self) -> bool:
@@ -154,9 +158,11 @@ class ModePlanner:
         node = self._chosen()
         q = node.places.q[0]
         ground = self._object(q)
+        course = self._course(ground)
+        rounds = max(rounds, ALONG * (len(course) - far(ground, q, course)))
         legs = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached(ground), manner.press, work.rng,
-            rounds, work.failures, self._look, self._course(ground), work.task.moves[1] - node.grasps,
+            rounds, work.failures, self._look, course, work.task.moves[1] - node.grasps,
             work.grown,
         )  # fmt: skip
         if legs is None:
@@ -206,10 +212,25 @@ class ModePlanner:
 
     def _chosen(self) -> Node:
         """The node to go on from: little is lacking, and it was not often chosen."""
-        lacks = np.array([node.lack * (1.0 + node.tries[0]) for node in self.nodes])
-        node = self.nodes[int((lacks * self.work.rng.uniform(1.0, 2.0, len(lacks))).argmin())]
+        lacks, tries = self._lacks(), np.array([node.tries[0] for node in self.nodes])
+        weighed = lacks * (1.0 + tries) * self.work.rng.uniform(1.0, 2.0, len(lacks))
+        node = self.nodes[int(weighed.argmin())]
         node.tries[0] += 1
         return node
+
+    def _lacks(self) -> Reals:
+        """What is lacking at the nodes (m,); where one object has a course, the part of it that is left, and
+        more where the moves that are left are fewer."""
+        barred = [ground for ground in self._wanted() if len(self._course(ground))]
+        if len(barred) != 1:
+            return np.array([node.lack for node in self.nodes])
+        course = self._course(barred[0])
+        come = np.array([far(barred[0], node.places.q[0], course) for node in self.nodes])
+        gone, most = come / len(course), self.work.task.moves[1]
+        spent = np.array([node.grasps for node in self.nodes]) / most
+        return (1.0 - gone) * (
+            1.0 + SPARING * np.maximum(spent - gone, 0.0) / np.maximum(1.0 - spent, 0.5 / most)
+        )
 
     def _object(self, q: Reals) -> Ground:
         """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at
@@ -238,19 +259,28 @@ class ModePlanner:
         return goals[np.argsort(away, kind="stable")]
 
     def _course(self, ground: Ground) -> Reals:
-        """Places (k, n) of an object on its way from the start to the goal: as given, else sought; none where
-        it goes straight."""
+        """Places (k, n) of an object on its way from the start to the goal: as given, else one of the
+        shortest that were found, in turn; none where it goes straight."""
         if len(self._asked.path):
             return self._asked.path
         if ground.body not in self._courses:
-            q, work, found = self.work.start.q[0], self.work, None
-            goals = self._goals(ground, q)
-            for k in range(GUIDES):
-                found = guide(ground, q, goals[k % len(goals)], work.seed + k, work.budget.is_in_time)
-                if found is not None:
-                    break
-            self._courses[ground.body] = np.zeros((0, len(q))) if found is None else found
-        return self._courses[ground.body]
+            self._courses[ground.body] = self._shortest(ground)
+        courses = self._courses[ground.body]
+        return courses[self.turn // FOLLOWED % len(courses)]
+
+    def _shortest(self, ground: Ground) -> list[Reals]:
+        """The shortest courses of an object that are found; one without places where it goes straight."""
+        work, found = self.work, list[tuple[float, int, Reals]]()
+        q = work.start.q[0]
+        goals = self._goals(ground, q)
+        for k in range(GUIDES):
+            way = guide(ground, q, goals[k % len(goals)], work.seed + k, work.budget.is_in_time)
+            if way is not None:
+                long = sum(ground.away(a, b) for a, b in pairwise(way))
+                found.append((long, k, way))
+            if way is not None and not len(way):
+                break
+        return [way for _, _, way in sorted(found)[:COURSES]] or [np.zeros((0, len(q)))]
 
     def _reached(self, ground: Ground) -> Callable[[Reals], bool]:
         """Whether all that the goal says of an object holds at a place (n,); the whole goal where it says

@@ -28,6 +28,11 @@ ON_PATH = 0.7
 BEEN, AHEAD = 0.3, 3
 """How near to a place of a path, in parts of the size, nodes count as there; and how many places ahead are
 drawn."""
+ONWARD = 3
+"""Places of a path by which a tree that does not come to the goal must have come on, that its legs be run."""
+BEHIND, BACK = 0.5, 0.3
+"""How often such places are drawn behind the farthest that was reached, and the chance to go back no farther,
+place by place."""
 ROWS = 200
 """Nodes for which room is made at a time."""
 AROUND, TURN = 1.5, 1.0
@@ -60,7 +65,8 @@ class Leg(NamedTuple):
 class Tree:
     """Nodes: what touches there, the fingers that hold the object (f,), and how often these may still change
     places; their parents, the legs that led there, and how often each was chosen; the object's places (m, k)
-    there, over units, in the first rows; and the farthest place of a path where one has been."""
+    there, over units, in the first rows; and the farthest place of a path where one has been, with the first
+    node that was there."""
 
     seen: list[Seen]
     used: list[Ints]
@@ -70,6 +76,7 @@ class Tree:
     chosen: list[int] = field(default_factory=lambda: [0])
     rows: Reals = field(default_factory=lambda: np.zeros((0, 0)))
     been: int = 0
+    first: int = 0
 
     @property
     def places(self) -> Reals:
@@ -81,7 +88,8 @@ class Tree:
         if len(self.rows) < len(self.seen):
             self.rows = np.vstack([self.rows.reshape(-1, len(place)), np.zeros((ROWS, len(place)))])
         self.rows[len(self.seen) - 1] = place
-        self.been = max(self.been, far)
+        if far > self.been:
+            self.been, self.first = far, len(self.seen) - 1
 
     def way(self, node: int) -> list[Leg]:
         """The legs that lead to a node."""
@@ -99,22 +107,24 @@ def propose(
     rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[int], None], path: Reals,
     most: int, grown: Counter[str],
 ) -> list[Leg] | None:  # fmt: skip
-    """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
-    counts why nodes were not extended; `look` is called with the steps and the draws that are made, and may
-    raise. `home` (n,): where fingers are when idle; `path` (p, n): places on the way, towards which most legs
-    go, none where it is not known; most: how often fingers may change places; `grown` counts trees
-    and their legs."""
+    """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds; else as far
+    as they lead on a path. `failed` counts why nodes were not extended; `look` is called with the steps and
+    the draws that are made, and may raise. `home` (n,): where fingers are when idle; `path` (p, n): places on
+    the way, towards which most legs go, none where it is not known; most: how often fingers may change
+    places; `grown` counts trees and their legs."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
-    tree.note(q[ground.columns] * ground.units, _far(ground, q, path))
+    tree.note(q[ground.columns] * ground.units, far(ground, q, path))
     low, high = _room(ground, np.vstack([q, home, goals, path]))
+    begins = tree.been
     if reached(q):
         return []
     grown[TREES] += 1
     for _ in range(rounds):
         look(1)
         if len(path) and rng.random() < ON_PATH:
-            target = path[min(tree.been + int(rng.integers(1, AHEAD + 1)), len(path) - 1)]
+            at = tree.been - (int(rng.geometric(BACK)) if rng.random() < BEHIND else 0)
+            target = path[min(max(at, 0) + int(rng.integers(1, AHEAD + 1)), len(path) - 1)]
         elif rng.random() < TO_GOAL:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
@@ -130,13 +140,13 @@ def propose(
             tree.legs.append(leg)
             grown[LEGS] += 1
             tree.chosen.append(0)
-            tree.note(seen.q[ground.columns] * ground.units, _far(ground, seen.q, path))
+            tree.note(seen.q[ground.columns] * ground.units, far(ground, seen.q, path))
             if reached(seen.q):
                 return tree.way(len(tree.seen) - 1)
-    return None
+    return tree.way(tree.first) if tree.been >= begins + ONWARD else None
 
 
-def _far(ground: Ground, q: Reals, path: Reals) -> int:
+def far(ground: Ground, q: Reals, path: Reals) -> int:
     """The last place of a path (p, n) that q (n,) is near to; the first where it is near to none."""
     if not len(path):
         return 0

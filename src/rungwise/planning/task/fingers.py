@@ -125,16 +125,22 @@ def with_fingers(task: Task) -> Task:
 def demand_known(task: Task) -> None:
     """Raises TaskError where a finger is to do what no plan makes it do, and as `fingers_of`."""
     for finger in fingers_of(task):
-        if finger.over:
-            raise TaskError(
-                f"task.fingers: {finger.name} may pass over objects, and no plan leads it so: runs in the"
-                " plane know no height; leave over out, and it goes around them"
-            )
-        if finger.contacts > 1:
-            raise TaskError(
-                f"task.fingers: {finger.name} may touch objects at {finger.contacts} places, and plans place"
-                " it at one; leave contacts out"
-            )
+        for lacks in _not_known(finger):
+            raise TaskError(f"task.fingers: {lacks}")
+
+
+def _not_known(finger: Finger) -> Iterator[str]:
+    """What a task asks of a finger that no plan makes it do."""
+    if finger.over:
+        yield (
+            f"{finger.name} may pass over objects, and no plan leads it so: runs in the plane know no height;"
+            " leave over out, and it goes around them"
+        )
+    if finger.contacts > 1:
+        yield (
+            f"{finger.name} may touch objects at {finger.contacts} places, and plans place it at one; leave"
+            " contacts out"
+        )
 
 
 def taken(task: Task) -> Taken:
@@ -291,7 +297,9 @@ def _within(task: Task, own: Driven, path: str) -> Reals:
 
 
 def _notes(task: Task, finger: Finger, said: _Said, loads: Mapping[str, Load]) -> Iterator[str]:
-    """What should be known of a finger before a search: where it can only jam, and what it is not given."""
+    """What should be known of a finger before a search: what no plan makes it do, where it can only jam, and
+    what it is not given."""
+    yield from _not_known(finger)
     for name in finger.objects if finger.is_rigid else ():
         load = loads.get(name)
         if load is not None and load.force > 0.0 and load.obstacles:
