@@ -20,6 +20,7 @@ from rungwise.contact.analysis.sensitivity import Sensitivity
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.certificate import check as certified
 from rungwise.contact.judge.farkas import HULL, excludes, excludes_given
+from rungwise.contact.judge.infeasible import _decided
 from rungwise.contact.judge.verdict import imbalance, judge, own_terms
 from rungwise.contact.lemke import lemke
 from rungwise.contact.linear import solve_in_place
@@ -32,6 +33,7 @@ from rungwise.contact.problem import Problem
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.polish.exact import _inverse as inverse
 from rungwise.contact.solvers.polish.settled import calmed
+from rungwise.contact.step.modes import ANY, OPEN
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.deadline import NEVER
 
@@ -153,6 +155,19 @@ def rank(e: float) -> int:
     return solve_in_place(a, 2, 1, np.empty(2, np.int64))
 
 
+def shifted(large: float, e: float) -> float:
+    """The residual of two unknowns so large, of which only the difference counts, and is wrong by e."""
+    problem = Problem.lcp(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([1.0, -1.0]))
+    return judge(problem, scaled(problem), np.array([large, large + 1.0 + e])).natural
+
+
+def seems_open(e: float) -> bool:
+    """Whether a contact that carries so little, in natural units, counts as open."""
+    p = allocate_problem(2, 1, 0)
+    p.H[:], p.W[:], p.c[1], p.mu[:] = np.eye(2), [[0.0, 1.0], [1.0, 0.0]], -1.0, 0.5
+    return int(_decided(p, (ANY,), np.array([0.0, 0.0, e, 0.0]))[0]) == OPEN
+
+
 def hidden_unknowns(e: float) -> int:
     """The rank that a symmetric matrix seems to have, or 0 where that is unclear."""
     return len(cholesky(np.diag([1.0, e])))
@@ -249,6 +264,9 @@ SIDES: dict[str, tuple[Number, float, float]] = {
     ),
     "units within range": (lambda s: is_in_range(s, 1.0 / s), 1e139, 1e141),
     "forces below all numbers": (lambda f: not is_in_range(1e-139, f * 1e278), 1e-291, 1e-289),
+    "an error that rounding hides": (lambda e: shifted(1e4, e) == 0.0, 5e-12, 1e-10),
+    "unknowns that rounding may hide": (lambda large: shifted(large, 0.0) < 1e-8, 1e11, 1e13),
+    "a contact that carries nothing": (seems_open, 1e-10, 1e-8),
     "pivots that are rounding": (lambda e: hidden_unknowns(e) == 1, 1e-12, 1e-10),
     "pivots that are clear": (lambda e: hidden_unknowns(e) != 2, 1e-7, 1e-5),
     "a response that is not known": (lambda e: not is_known(e), 2e-13, 1e-10),

@@ -12,6 +12,7 @@ import pytest
 from rungwise.planning.search.problem import Work
 from rungwise.planning.squeeze import squeeze_plan
 from rungwise.planning.task.task import Task, _is_slow
+from rungwise.world.planar.evidence import _giving
 
 
 def stub(**members: Any) -> Any:
@@ -40,6 +41,16 @@ def test_pushes_are_slow_where_objects_coast_by_less_than_a_hundredth_of_their_s
     for speed, is_slow in ((0.06, True), (0.3, False)):
         carriers: Any = (stub(by_place=False, speed=speed),)
         assert _is_slow(np.ones(1), carriers, 1.0) == is_slow
+
+
+def test_coordinates_that_hardly_move_have_no_part_in_a_certificate() -> None:
+    for share, names in ((1e-7, ["a"]), (1e-5, ["a", "b"])):
+        run = stub(
+            certificate=stub(vectors=[np.array([1.0, share])]), problem=stub(c=np.zeros(2)),
+            workspace=stub(state=stub(free=np.arange(2))),
+            scene=stub(template=stub(coordinates=("a", "b"))),
+        )  # fmt: skip
+        assert _giving(run) == names
 
 
 def test_objects_rest_below_a_hundredth_of_the_robots_speed_and_are_waited_for_ten_pushes() -> None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import Crawl
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.reasons.reasons import Reasons
+from rungwise.simulation.spatial import begin
 from rungwise.simulation.spatial.replay import _between
+from rungwise.system.spatial.noise import Noise
+from rungwise.system.spatial.rims import straighten
 from tests.simulation.core.test_particle import Particle
 
 
@@ -50,6 +56,47 @@ def test_what_slides_in_one_judge_alone_is_told_from_a_millionth_of_the_fastest_
     mine: dict[str, float] = {"mode": 1, "gap": 0.0}
     for slip, lines in ((1e-7, 0), (1e-5, 1)):
         assert len(_between("a|b", mine, {"slip": slip, "depth": 0.0}, 1.0)) == lines
+
+
+def test_a_step_that_looks_like_a_jam_is_looked_at_more_closely_four_times() -> None:
+    """From a quarter of the goal's tolerance to a forty-thousandth."""
+    simulation = rw.Simulation("two_finger", "kinematic")
+    control, tolerance = simulation._control, float(simulation._control[0]["tolerance"])
+    run: Any = SimpleNamespace(
+        control=control, _go_on=lambda: None,
+        workspace=SimpleNamespace(state=SimpleNamespace(clock=[{"outcome": Code.JAMMED}])),
+    )  # fmt: skip
+    asked = [float(control[0]["jam"]) / tolerance]
+    while len(asked) < 9 and Reasons.looks_closer(run):
+        asked.append(float(control[0]["jam"]) / tolerance)
+    assert asked == pytest.approx([0.25, 0.025, 2.5e-3, 2.5e-4, 2.5e-5])
+
+
+@pytest.mark.parametrize(("open_by", "begins"), [(2e-3, True), (5e-2, False)])
+def test_joints_of_a_start_may_be_open_by_a_hundredth(
+    open_by: float, begins: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    space: Any = SimpleNamespace(
+        overlaps=lambda _: [], violations=lambda _: [(open_by, 0, 0)], size=SimpleNamespace(length=1.0)
+    )
+    monkeypatch.setattr(begin, "_told", lambda *_: "open")
+    scene: Any = None
+    assert (begin.misplaced(scene, space, np.zeros(1), [], "start") == "") == begins
+
+
+def test_gaps_that_jump_by_a_thousand_roundings_are_remarked() -> None:
+    model: Any = SimpleNamespace(geom_type=[0, 6])
+    for jump, lines in ((1e-10, 0), (1e-8, 1)):
+        assert len(Noise(jump, (0, 1)).remarks(model, ("floor", "box"))) == lines
+
+
+def test_cylinders_stand_up_to_a_tilt_that_no_gap_tells() -> None:
+    plane, upright = np.eye(3).ravel(), np.eye(3).ravel()
+    for tilt, stands in ((1e-9, True), (1e-7, False)):
+        turn = np.array([plane, upright])
+        turn[1, 2] = tilt
+        straighten(np.array([1, 0]), np.array([0, 1]), turn)
+        assert (turn[1, 2] == 0.0) == stands
 
 
 def discs(overlap: float) -> dict[str, Any]:

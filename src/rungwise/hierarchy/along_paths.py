@@ -24,8 +24,6 @@ FLOOR = 10.0
 """Distances below so many times their errors say nothing."""
 ROUNDING = 1e-10
 """Errors are not taken to be less than this, whatever is seen of them."""
-LATE = MOMENTS // 2
-"""The first moment that counts: distances are those in the second half, after the boundary layer."""
 
 
 def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
@@ -151,8 +149,9 @@ def _nothing(count: int, shape: Iterable[int] = (0, 0, 1)) -> Distances:
 def _better(
     known: Distances | None, count: int, rows: Ints, runs: Motions, wanted: Motions, tol: float
 ) -> Distances:  # fmt: skip
-    """What is known once these rows have been run more exactly than before."""
-    apart = (runs.places - wanted.places)[:, LATE:]
+    """What is known once these rows have been run more exactly than before. Distances are those in the second
+    half, after the boundary layer."""
+    apart = (runs.places - wanted.places)[:, MOMENTS // 2 :]
     if known is None:
         known = _nothing(count, apart.shape[1:])
     known = Distances(known.apart.copy(), known.found.copy(), known.error.copy(), known.tols.copy())
