@@ -21,6 +21,8 @@ from rungwise.gym import SceneEnv, Transition, make
 from rungwise.gym.registration import SCENES
 from rungwise.scene.space.read import file_of, shipped_in_space
 
+from .episodes import played, same
+
 PAIRS = (
     ("push", "dynamic-rigid"),
     ("two_finger", "quasistatic-rigid"),
@@ -30,21 +32,6 @@ PAIRS = (
 )
 
 GRIPPER = {"squeeze": (10.0, 20.0), "v": (0.01, 0.1)}
-
-
-def played(env: SceneEnv, seed: int, most: int = 1000) -> list[tuple[Any, ...]]:
-    """What an episode with drawn actions gives."""
-    env.reset(seed=seed)
-    env.action_space.seed(seed)
-    told: list[tuple[Any, ...]] = []
-    while len(told) < most and not (told and (told[-1][2] or told[-1][3])):
-        told.append(env.step(env.action_space.sample()))
-    return told
-
-
-def same(state: rw.State, other: rw.State) -> bool:
-    assert state.memory is not None and other.memory is not None
-    return np.array_equal(state.q, other.q) and np.array_equal(state.v, other.v) and state.time == other.time
 
 
 @pytest.mark.parametrize(("scene", "model"), PAIRS)

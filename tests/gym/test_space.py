@@ -19,6 +19,8 @@ from rungwise.errors import InputError
 from rungwise.gym import SceneEnv, SceneVectorEnv, Transition, make
 from rungwise.scene.space import SpaceScene
 
+from .episodes import played, same
+
 PUSHER = """<mujoco><worldbody><geom name="table" type="plane" size="2 2 .1"/>
 <body name="pusher" pos="-.1 0 .05"><joint name="along" type="slide"
   axis="1 0 0" limited="true" range="-.1 .4"/>
@@ -55,20 +57,6 @@ def scene(tmp_path: Path) -> SpaceScene:
     )  # fmt: skip
     assert isinstance(loaded, SpaceScene)
     return loaded
-
-
-def played(env: SceneEnv, seed: int, most: int) -> list[tuple[Any, ...]]:
-    """What an episode with drawn actions gives."""
-    env.reset(seed=seed)
-    env.action_space.seed(seed)
-    told: list[tuple[Any, ...]] = []
-    while len(told) < most and not (told and (told[-1][2] or told[-1][3])):
-        told.append(env.step(env.action_space.sample()))
-    return told
-
-
-def same(state: rw.State, other: rw.State) -> bool:
-    return np.array_equal(state.q, other.q) and np.array_equal(state.v, other.v) and state.time == other.time
 
 
 @pytest.mark.parametrize("model", ["quasistatic-rigid", "dynamic-compliant"])

@@ -20,6 +20,7 @@ from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
 from rungwise.world.find import world_of
 from rungwise.world.matching import damping_ratio, restitution
 from rungwise.world.planar.matching import matched
+from tests.simulation.test_limits import damped
 
 STARTS, ENDS = 1.5, 1.58
 """When finger 1 meets the part at v1 = 1, and a time before finger 2 does."""
@@ -87,23 +88,7 @@ def test_what_is_matched() -> None:
 def test_order_in_inertia_is_one_on_supports_with_damping() -> None:
     """A finger on a spring, which drags itself and a block through a medium."""
     servo = {"kind": "servo", "stiffness": 4.0, "damping": 0.5, "target": 0.5}
-    finger = {
-        "role": "robot",
-        "mass": 0.5,
-        "shape": {"kind": "disc", "radius": 5.0},
-        "pose": {"x": -6.0},
-        "motion": {"kind": "slide", "axis": [1, 0]},
-        "coordinates": {"s": {"damping": 1.0, "drive": servo}},
-    }
-    block = {
-        "role": "object",
-        "mass": 1.0,
-        "shape": {"kind": "box", "width": 2.0, "height": 2.0},
-        "motion": {"kind": "slide", "axis": [1, 0]},
-        "coordinates": {"s": {"damping": 2.0}},
-    }
-    scene = {"name": "damped", "bodies": {"finger": finger, "block": block}, "duration": 0.1, "step": 1e-3}
-    scene |= {"contacts": [{"between": ["finger", "block"], "stiffness": 50.0, "damping": 10.0}]}
+    scene = damped(servo, 10.0, True, duration=0.1)
     found = rw.compare(scene, "dynamic-rigid", samples=0)
     (fit,) = fits(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)
     assert fit.verdict == TENDS, fit

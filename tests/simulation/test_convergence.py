@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 
 import rungwise as rw
 
+from .test_run import slider
+
 STEPS = [4e-3, 2e-3, 1e-3, 5e-4]
 DYNAMIC = (rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT)
 
@@ -139,27 +141,16 @@ def test_order_of_a_disc_that_slides_and_rolls(time: float) -> None:
     assert order(errors) == pytest.approx(1.0, abs=0.05)
 
 
-def slider(**coordinate: Any) -> rw.Scene:
-    body = {
-        "role": "robot",
-        "mass": 2.0,
-        "shape": {"kind": "box", "width": 1.0, "height": 1.0},
-        "motion": {"kind": "slide", "axis": [1, 0]},
-        "coordinates": {"s": coordinate},
-    }
-    return rw.load({"name": "slider", "bodies": {"body": body}, "duration": 1.0})
-
-
 @pytest.mark.parametrize(("theta", "expected"), [(1.0, 1.0), (0.5, 2.0)])
 @pytest.mark.parametrize("limit", ["inf", 1000.0])
 def test_order_on_springs_and_damping(theta: float, expected: float, limit: float | str) -> None:
     """A servo with a constant target, on a support with drag; a limit that is not met changes nothing."""
     servo = {"kind": "servo", "stiffness": 50.0, "damping": 2.0, "target": 0.4, "limit": limit}
-    scene = slider(damping=3.0, speed=1.0, drive=servo)
+    scene = slider({"damping": 3.0, "speed": 1.0, "drive": servo})
     reference = exact(lambda _, y: [y[1], (50.0 * (0.4 - y[0]) - 5.0 * y[1]) / 2.0], [0.0, 1.0], 1.0)
     errors = [
         abs(
-            rw.simulate(scene, rw.DYNAMIC_COMPLIANT, step=h, theta=theta, frames=3).final["body"]["s"]
+            rw.simulate(scene, rw.DYNAMIC_COMPLIANT, step=h, theta=theta, frames=3).final["block"]["s"]
             - reference
         )
         for h in STEPS

@@ -118,7 +118,7 @@ def test_speed_after_an_undamped_impact_is_elastic(pushed: rw.Scene) -> None:
         assert speed == pytest.approx(2.0, abs=1e-3)
 
 
-def damped(drive: dict[str, Any], damping: float, contact: bool) -> rw.Scene:
+def damped(drive: dict[str, Any], damping: float, contact: bool, duration: float = 1.0) -> rw.Scene:
     """A finger, and maybe a block in front of it, on supports with drag."""
     finger = {
         "role": "robot",
@@ -141,7 +141,7 @@ def damped(drive: dict[str, Any], damping: float, contact: bool) -> rw.Scene:
             "name": "damped",
             "bodies": {"finger": finger} | ({"block": block} if contact else {}),
             "contacts": [between] if contact else [],
-            "duration": 1.0,
+            "duration": duration,
             "step": 1e-3,
         }
     )
