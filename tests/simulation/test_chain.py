@@ -9,6 +9,8 @@ import rungwise as rw
 from rungwise.simulation.derivatives.differences import Assembly, Start
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 
+from .test_sensitivity import led_to
+
 Array = np.ndarray
 H, STEPS = 1e-3, 10
 CASES = {
@@ -40,8 +42,7 @@ def went(
 @pytest.mark.parametrize("case", CASES)
 def test_against_differences_of_runs(case: str, model: rw.Rung) -> None:
     name, parameters, until = CASES[case]
-    scene, theta = rw.load(name), 0.75 if model == rw.DYNAMIC_COMPLIANT else 1.0
-    run = rw.simulate(scene, model, parameters=parameters, duration=until, frames=3)
+    scene, theta, run = led_to(name, parameters, until, model)
     assert run.workspace is not None
     state = run.workspace.state
     start = Start(state.q.copy(), state.v.copy(), state.deformation.copy(), run.time)

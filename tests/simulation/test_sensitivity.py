@@ -23,6 +23,16 @@ CASES = {
 }
 
 
+def led_to(
+    name: str, parameters: dict[str, float], until: float, model: rw.Rung
+) -> tuple[rw.Scene, float, rw.Run]:
+    """A scene, a theta for the model, and the run up to a time."""
+    scene, theta = rw.load(name), 0.75 if model == rw.DYNAMIC_COMPLIANT else 1.0
+    run = rw.simulate(scene, model, parameters=parameters, duration=until, frames=3)
+    assert isinstance(scene, rw.Scene)
+    return scene, theta, run
+
+
 def taken(
     scene: rw.Scene,
     model: rw.Rung,
@@ -49,8 +59,7 @@ def taken(
 @pytest.mark.parametrize("case", CASES)
 def test_against_steps_taken(case: str, model: rw.Rung) -> None:
     name, parameters, until = CASES[case]
-    scene, theta = rw.load(name), 0.75 if model == rw.DYNAMIC_COMPLIANT else 1.0
-    run = rw.simulate(scene, model, parameters=parameters, duration=until, frames=3)
+    scene, theta, run = led_to(name, parameters, until, model)
     assert run.workspace is not None
     state = run.workspace.state
     start, strain = np.concatenate([state.q, state.v]), state.deformation.copy()
