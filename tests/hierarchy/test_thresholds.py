@@ -8,11 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rungwise as rw
+from rungwise.hierarchy import limits
 from rungwise.hierarchy.along_paths import Distances
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, UNDECIDED, Fit
+from rungwise.hierarchy.motions import Motions
+from rungwise.hierarchy.paths import STIFFNESS, Path
 from rungwise.hierarchy.refine import settle
+from rungwise.outcome import Code
 
 NAN = float("nan")
+TIMEOUT = int(Code.TIMEOUT)
 
 
 def fit(distances: tuple[float, ...], floor: float, order: float = 1.0, error: float = 0.0) -> Fit:
@@ -50,8 +56,6 @@ def test_distances_tell_from_ten_times_their_error_on_which_is_no_less_than_roun
 
 def test_runs_are_repeated_until_motions_change_by_a_hundredth_of_the_accuracy() -> None:
     """Motions that change by three hundredths, and then by a third of one."""
-    from rungwise.hierarchy.motions import Motions
-
     asked: list[float] = []
 
     class Bench:
@@ -68,3 +72,47 @@ def test_runs_are_repeated_until_motions_change_by_a_hundredth_of_the_accuracy()
     model: Any = None
     settled = settle(bench, model, np.zeros((1, 1)), np.ones(1), 1e-2)
     assert asked == [1e-3, 1e-4, 1e-5] and settled.error[0] == pytest.approx(3e-5)
+
+
+class Falling:
+    """Runs whose distance falls along the path as its small number does, but for this scatter, and end at a
+    time at the latest; `equal` counts those with equal steps."""
+
+    duration, budget = 1.0, 10**9
+    matched = SimpleNamespace(bouncing=lambda _: {})
+
+    def __init__(self, ends: float, scatter: float) -> None:
+        self.ends, self.scatter, self.equal = ends, scatter, 0
+
+    def run(
+        self, _model: Any, inputs: Any, until: Any, _tol: Any = None, *, step: float | None = None,
+        parameters: Any = None, **_: Any,
+    ) -> Motions:  # fmt: skip
+        self.equal += step is not None
+        at = np.broadcast_to((parameters or {}).get(STIFFNESS, 0.0), len(inputs)).astype(float)
+        sides = np.where(np.round(np.log10(np.where(at > 0.0, at, 1.0))) % 2.0 == 0.0, 1.0, -1.0)
+        places = np.where(at > 0.0, at * np.exp(self.scatter * sides), 0.0)
+        ones = np.ones(len(inputs), np.int64)
+        times = np.minimum(until, self.ends)
+        return Motions(np.tile(places[:, None, None, None], (1, 60, 1, 1)), TIMEOUT * ones, times, ones, ones)
+
+
+def fitted(ends: float, scatter: float) -> tuple[Fit, Falling]:
+    bench: Any = Falling(ends, scatter)
+    path = Path("k falls", "k", (1.0, 0.1, 0.01, 0.001), lambda _: 1.0, lambda at: at, lambda _: 1.0)
+    found = limits.fit(bench, path, rw.DYNAMIC_RIGID, rw.DYNAMIC_RIGID, np.zeros((1, 1)), np.ones(1))
+    return found, bench
+
+
+def test_distances_are_taken_until_just_before_a_run_ends() -> None:
+    assert fitted(0.5, 0.0)[0].until == pytest.approx(0.98 * 0.5)
+
+
+def test_motions_that_end_at_once_lead_nowhere() -> None:
+    assert fitted(3e-4, 0.0)[0].short and not fitted(3e-3, 0.0)[0].short
+
+
+def test_equal_steps_are_tried_where_distances_scatter() -> None:
+    for scatter, error, is_tried in ((0.08, 0.02, False), (0.8, 0.2, True)):
+        found, bench = fitted(1.0, scatter)
+        assert 0.5 * error < found.error < 2.0 * error and (bench.equal > 0) == is_tried

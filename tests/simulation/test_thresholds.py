@@ -17,6 +17,7 @@ from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.spatial import begin
 from rungwise.simulation.spatial.replay import _between
+from rungwise.system.planar.manifold import are_parallel
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.rims import straighten
 from tests.simulation.core.test_particle import Particle
@@ -82,6 +83,12 @@ def test_joints_of_a_start_may_be_open_by_a_hundredth(
     monkeypatch.setattr(begin, "_told", lambda *_: "open")
     scene: Any = None
     assert (begin.misplaced(scene, space, np.zeros(1), [], "start") == "") == begins
+
+
+def test_faces_are_parallel_within_a_tenth_of_a_radian() -> None:
+    for tilt, parallel in ((0.03, True), (0.3, False)):
+        outline = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(tilt), -np.cos(tilt)]])
+        assert are_parallel(0, 1, outline) == parallel
 
 
 def test_gaps_that_jump_by_a_thousand_roundings_are_remarked() -> None:
