@@ -26,7 +26,7 @@ FILES = {
 }  # fmt: skip
 """Read or write what is there."""
 NAMES = {
-    "add_world", "balance", "bind", "body", "boxes", "changed", "check_begun", "checked", "contact",
+    "add_world", "balance", "bind", "body", "boxes", "called", "changed", "check_begun", "checked", "contact",
     "data", "designed", "equals", "goal", "holds_on", "how", "joint", "lcp", "levels", "local", "mlcp",
     "names", "normalise", "numbers", "of", "of_step", "parameter", "parameters", "potential", "record",
     "schema", "shipped", "shipped_in_space", "start", "summary", "task_numbers", "timetable",

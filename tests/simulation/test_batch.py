@@ -9,6 +9,8 @@ import pytest
 
 import rungwise as rw
 from rungwise.outcome import Code
+from tests.simulation.test_hindered import tower
+from tests.simulation.test_rest import Wedge
 
 MOVING = [model for model in rw.LADDER if model.moves]
 POINTS = np.random.default_rng(4).uniform((0.2, 0.2, 0.0, 0.8), (2.0, 2.0, 0.9, 1.3), (12, 4))
@@ -105,3 +107,28 @@ def test_wrong_input() -> None:
         rw.Batch(scene, rw.KINEMATIC, ("v1",), threads=0)
     with pytest.raises(ValueError, match="points"):
         rw.Batch(scene, rw.KINEMATIC, ("v1",)).run(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(37, marks=pytest.mark.long)])
+def test_rollouts_say_of_what_nothing_balances_what_runs_say(count: int) -> None:
+    """Also where a step has no solution, however short, and a run proves that nothing supports its loads."""
+    said = set[str]()
+    for seed, model in itertools.product(
+        range(3, 3 + count), (rw.QUASISTATIC_RIGID, rw.QUASISTATIC_COMPLIANT)
+    ):
+        wedge = Wedge(seed)
+        scene, tol = wedge.scene(), 1e-3 * wedge.size if seed % 2 else None
+        outcomes = rw.rollout(scene, model, tol=tol, threads=1).outcomes
+        assert outcomes[0] == str(rw.simulate(scene, model, tol=tol, frames=3).outcome), (seed, model.name)
+        said.add(str(outcomes[0]))
+    assert {"timeout", "unsupported"} <= said
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("top", [1e2, 1e6])
+@pytest.mark.parametrize("softness", [30.0, 1000.0])
+@pytest.mark.parametrize("number", range(4))
+def test_batches_tell_that_contacts_are_crushed(number: int, softness: float, top: float) -> None:
+    scene = tower(number, softness, top) | {"parameters": {"none": {"default": 0.0, "range": [-1.0, 1.0]}}}
+    found = rw.Batch(scene, rw.QUASISTATIC_COMPLIANT, ["none"], threads=1).run(np.zeros((2, 1)))
+    assert found.outcomes.tolist() == ["model_invalid"] * 2

@@ -58,6 +58,7 @@ class Motions:
         self._batches: list[Batch] = []
         for motion in motions(scene, model, solutions):
             self._batches.append(Batch(scene, model, over, motion=motion, **options))
+            self._batches[-1].proves = False  # what a proof tells has the same label
         self.over = self._batches[0].over
 
     def run(

@@ -88,6 +88,9 @@ class Batch:
         )  # fmt: skip
         self.parameters, self.threads = self._runs.parameters, self._runs.threads
 
+    proves = True
+    """Whether runs that did not converge are looked at once more, each by itself, for a proof."""
+
     def __repr__(self) -> str:
         over = cut(", ".join(self.over), 200)
         return f"<Batch of {cut(self.scene.name)} on {cut(self.model.name)} over {over}>"
@@ -109,7 +112,8 @@ class Batch:
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
         wrong = outside(self.scene, self.over, points)
         found = self._runs.run(points, wrong=wrong, chunk=chunk, deadline=deadline, on_progress=on_progress)
+        outcome = self._runs.proved(points, found, deadline) if self.proves else found.outcome
         return Results(
-            outcome=found.outcome, time=found.time, margin=found.margin, steps=found.steps,
+            outcome=outcome, time=found.time, margin=found.margin, steps=found.steps,
             worst_residual=found.residual, final=found.places.q, speed=found.places.v,
         )  # fmt: skip

@@ -96,12 +96,14 @@ class Runs(Protocol):
         that is `wrong` (m,). `keeps`: whether the ends of segments are kept; when the deadline has come, also
         within a step, runs that still go on are RUNNING, where they have come to."""
 
+    def proved(self, points: Reals, found: Ran, deadline: Deadline) -> Ints:
+        """Outcomes (m,) of runs from the scene's start as single runs, which may prove more, say them."""
+
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
         """The same before their first steps: where they begin, with memories from which none goes on."""
 
     def placed(self, state: State, parameters: Mapping[str, float]) -> tuple[Places, Code]:
-        """One place, at a state, as runs at these parameters go on from it, and whether they do or what ends
-        them there. Raises StateError."""
+        """One place, at a state, as runs go on from it, and RUNNING or what ends them. Raises StateError."""
 
     def taken_over(self, place: Places, scene: Any, levels: Reals) -> Places:
         """One place to which a run of `scene` at other parameters has come, on this rung, as these runs go on

@@ -14,7 +14,15 @@ from rungwise.simulation.planar.begin import begin_by_hand
 from rungwise.simulation.planar.loop import STOPPED, Setting, begin, first_verdict, run_step
 from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.state.memory import clear, go_on
-from rungwise.simulation.planar.state.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
+from rungwise.simulation.planar.state.verdicts import (
+    GOAL,
+    INVALID,
+    MODEL_INVALID,
+    NOT_CONVERGED,
+    RUNNING,
+    crushed,
+    margins,
+)
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
@@ -201,6 +209,8 @@ def _run(
             outcome = NOT_CONVERGED
             break
         outcome = run_step(setting, workspace)
+        if outcome == NOT_CONVERGED and crushed(rung, workspace) >= 0:
+            outcome = MODEL_INVALID
         best, danger = _watch(conditions, workspace, best, danger)
         ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:

@@ -21,6 +21,7 @@ from rungwise.simulation.core.support import without_law
 from rungwise.simulation.core.tolerances import NEAR, SINKING
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.planar.state.nearby import begin_step, gather
+from rungwise.simulation.planar.state.verdicts import crushed
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.leaps import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
@@ -95,19 +96,15 @@ class Reasons:
     def _crushed(self) -> str:
         """Which contact yields too far for its model under forces that balance the loads, where no step is
         short enough for what that moves; empty where none does."""
-        clock, scratch = self.workspace.state.clock[0], self.workspace.scratch
-        count, rests = int(clock["contacts"]), self.model.compliant and self.model.inertia == 0.0
-        if not rests or count == 0 or clock["residual"] > TOLERANCE:
+        k = int(crushed(self.model.record(self.theta), self.workspace))
+        if k < 0:
             return ""
-        stiffness = self.workspace.terms.contact_stiffness[:count, 0, 0]
-        yields = scratch.contact_force[: 2 * count : 2] / stiffness
-        deepest, most = int(np.argmax(yields)), SINKING * float(clock["smallest"])
-        slot, pairs = int(scratch.slots[deepest]), self.bound.records.pairs
-        if not yields[deepest] > most or slot >= 2 * len(pairs):
-            return ""
-        a, b = self.scene.template.contacts[int(pairs["contact"][slot // 2])]
+        scratch, most = self.workspace.scratch, SINKING * float(self.workspace.state.clock[0]["smallest"])
+        yields = scratch.contact_force[2 * k] / self.workspace.terms.contact_stiffness[k, 0, 0]
+        pair = self.bound.records.pairs["contact"][int(scratch.slots[k]) // 2]
+        a, b = self.scene.template.contacts[int(pair)]
         return (
-            f"the contact between {a} and {b} would yield by {yields[deepest]:.3g}, more than a tenth of the"
+            f"the contact between {a} and {b} would yield by {yields:.3g}, more than a tenth of the"
             f" smallest shape's reach ({most:.3g}). {OUTCOMES[Code.MODEL_INVALID].advice}"
         )
 

@@ -137,6 +137,10 @@ class MovingRuns:
         goes_on = state.memory is not None and state.memory.scene == self._digest
         return self._ran(begin_samples(self._terms, [sample]), begins=not goes_on).places, begun.outcome
 
+    def proved(self, _points: Reals, found: Ran, _deadline: Deadline) -> Ints:
+        """See `Runs.proved`: these are single runs."""
+        return found.outcome
+
     def taken_over(self, place: Places, scene: StatedScene, levels: Reals) -> Places:
         """See `Runs.taken_over`: forces and deformations of contacts are kept."""
         template, own = self.scene.template, place.memory[0].copy()

@@ -19,10 +19,10 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.result import pair_labels
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
-from rungwise.simulation.workers import CHUNK, Starts, Workers
+from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
-from rungwise.world.planar.runs import columns
+from rungwise.world.planar.runs import columns, proved
 from rungwise.world.rolled import Rolled
 from rungwise.world.run import finished
 
@@ -85,8 +85,12 @@ def rollout(
     def again(i: int, deadline: Deadline) -> Any:
         return finished(Simulation(scene, rung, **of_sample(i)), None, deadline)
 
+    told = columns(found)
+    told["outcome"] = proved(
+        rung, told["outcome"], told["steps"], budget or BUDGET, lambda i: again(i, deadline), deadline
+    )
     return Rollouts(
-        scene=scene, model=rung, **columns(found), worst_residual=found["worst_residual"].copy(),
+        scene=scene, model=rung, **told, worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
         memory=samples.kept, _like=workers.workspace.state, _again=again, _schedules=schedule,
         _theta=workers.theta,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,13 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.samples import Samples
 from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.reasons.reasons import JAM
+from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
-from rungwise.simulation.workers import CHUNK, Starts, Workers
+from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
+from rungwise.world.run import finished
 
 LONGEST, SHORT = 1000, 1e-1
 """Steps for which a search waits, and the part of the accuracy by which something must be able to move in
@@ -32,6 +34,24 @@ def columns(found: RecordArray) -> dict[str, Any]:
     """What `Ran` and `Rolled` have in common, from results of samples."""
     names = ("outcome", "margin", "time", "steps", "attempts", "solves", "switches")
     return {name: found[name].copy() for name in names}
+
+
+def proved(
+    model: Rung, outcome: Ints, steps: Ints, budget: int, again: Callable[[int], Run], deadline: Deadline
+) -> Ints:
+    """Outcomes (m,) of runs without momentum that did not converge, within `budget` steps, as `again` says
+    them, which makes one once more by itself: a proof that nothing supports what no step can follow is
+    sought in single runs alone. One that goes on, from a balance that it found, changes nothing here."""
+    named = outcome.copy()
+    if model.inertia > 0.0 or not model.loads:
+        return named
+    for i in np.flatnonzero((outcome == Code.NOT_CONVERGED) & (steps < budget)).tolist():
+        if deadline.is_over:
+            break
+        run = again(i)
+        if run.steps == steps[i] and run.outcome.code != Code.RUNNING:
+            named[i] = run.outcome.code
+    return named
 
 
 class PlanarRuns:
@@ -47,6 +67,8 @@ class PlanarRuns:
         self.scene, self.model = scene, model
         self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
         self._whole: float | None = options.get("span")
+        self._budget = options.get("budget") or BUDGET
+        self._own = {name: options[name] for name in ("duration", "motion") if name in options}
         self._workers = Workers(scene, model, over, parameters, tol=tol, **options)
         self.threads, self.parameters = self._workers.threads, self._workers.parameters
 
@@ -92,6 +114,20 @@ class PlanarRuns:
             work=self._read("drive_work", last) - before if len(kept) else np.full(m, math.nan),
             places=places, faults={}, at=at,
         )  # fmt: skip
+
+    def proved(self, points: Reals, found: Ran, deadline: Deadline) -> Ints:
+        """See `Runs.proved`."""
+        over = self._workers.over
+
+        def again(i: int) -> Run:
+            given = self.parameters | dict(zip(over, points[i].tolist(), strict=True))
+            alone = Simulation(
+                self.scene, self.model, parameters=given, frames=3, **self._own, **self._options
+            )
+            run: Run = finished(alone, None, deadline)
+            return run
+
+        return proved(self.model, found.outcome, found.steps, self._budget, again, deadline)
 
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
         """See `Runs.begin`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import TOLERANCE
 from rungwise.kernel import RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.outcome import Code
 from rungwise.scene.language.expression import TIMES, evaluate, holds
@@ -236,6 +237,22 @@ def has_sunk(records: Records, state: State) -> bool:
             if deepest > SINKING * min(state.clock[0].smallest, 0.5 * thickness(a, b)):
                 return True
     return False
+
+
+@rare_kernel
+def crushed(rung: RecordArray, workspace: Workspace) -> int:
+    """The contact, among those of a last step without momentum, that yields most under forces that balance
+    the loads, if it yields too far for its model, so that no step is short enough for what it moves; else
+    -1."""
+    terms, scratch, clock = workspace.terms, workspace.scratch, workspace.state.clock[0]
+    deepest, most = -1, SINKING * clock.smallest
+    if not rung[0].compliant or rung[0].inertia > 0.0 or clock.residual > TOLERANCE:
+        return deepest
+    for k in range(clock.contacts):
+        yields = scratch.contact_force[2 * k] / terms.contact_stiffness[k, 0, 0]
+        if yields > most and scratch.slots[k] < workspace.state.manifolds.features.shape[0]:
+            deepest, most = k, yields
+    return deepest
 
 
 @inner_kernel
