@@ -1,12 +1,15 @@
 """Planar tasks that others published, planned here: which rungs are reached, and in how many seconds.
 
     python benchmarks/published_tasks.py [--folder ../shared/tasks] [--seeds 5] [--limit 60] [--tasks hidex]
-        [--schedules] [--relatives 2]
+        [--schedules] [--relatives 2] [--quasistatic]
 
 Each scene of the folder is planned on the default schedule from the seeds 0, 1, ..., for as long as the
 limit allows. A rung counts for a plan that was found where its replay there, at a tenth of the plan's error
 per step, comes to the goal. Where a table of the folder's README has a column on the authors or on what was
 published, its cell stands below the task's row. One line says so where the folder is missing.
+
+With --quasistatic a plan that does not hold on quasistatic-rigid is followed by a search for one that ends
+there, with the same limit; the column counts that, too, and a line below the row says how often.
 
 With --relatives each task is planned in so many relatives, tasks of the same kind with other numbers
 (`relatives.py`), instead; the last line says of how many every seed ends with a plan.
@@ -48,6 +51,8 @@ from rungwise.planning.task.task import task_of
 FOLDER = Path(__file__).parents[2] / "shared" / "tasks"
 RUNGS = rw.LADDER[2:]
 """Rungs on which plans are replayed: those that know forces."""
+LOWER = rw.QUASISTATIC_RIGID
+"""The rung whose plans are to hold without inertia."""
 THEIRS = ("author", "publish")
 """What the head of a column of the README says that tells what its authors' planner does."""
 LIBRARY = Path(rw.__file__).parent / "scene" / "library"
@@ -112,21 +117,30 @@ def reached(plan: rw.Plan) -> list[str]:
     return [name for name, run in runs.items() if run.outcome.code == rw.Code.GOAL]
 
 
-def print_task(scene: rw.Scene, seeds: Sequence[int], limit: float) -> bool:
+def print_task(scene: rw.Scene, seeds: Sequence[int], limit: float, quasistatic: bool = False) -> bool:
     """One row for a task: how many seeds end with a plan, in how many seconds, and where plans hold. Returns
     whether all do."""
-    seconds, holds, found = list[float](), Counter[str](), 0
+    seconds, holds, found, others = list[float](), Counter[str](), 0, list[float]()
     for seed in seeds:
         began = time.perf_counter()
         plan = rw.plan(scene, seed=seed, budget=None, limit=limit)
         seconds.append(time.perf_counter() - began)
         found += plan.found
-        holds.update(reached(plan) if plan.found else [])
+        rungs = reached(plan) if plan.found else []
+        holds.update(rungs)
+        if quasistatic and LOWER.name not in rungs:
+            began = time.perf_counter()
+            other = rw.plan(scene, to=LOWER, schedule="direct", seed=seed, budget=None, limit=limit)
+            if other.found:
+                holds[LOWER.name] += 1
+                others.append(time.perf_counter() - began)
     print(
         f"{scene.name:36} {found:3} of {len(seeds):2} {np.median(seconds):9.2f} {max(seconds):8.2f}  "
         + "  ".join(f"{holds[rung.name]:{len(rung.name)}}" for rung in RUNGS),
         flush=True,
     )
+    if others:
+        print(f"  {LOWER.name}: {len(others)} of its own, in at most {max(others):.2f} s", flush=True)
     return found == len(seeds)
 
 
@@ -163,12 +177,12 @@ def print_relatives(files: Sequence[Path], count: int, seeds: Sequence[int], lim
     print(f"planned from every seed: {sum(whole)} of {len(whole)} relatives")
 
 
-def print_all(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
+def print_all(files: Sequence[Path], seeds: Sequence[int], limit: float, quasistatic: bool) -> None:
     """A row for each task, and what is known of its authors' planner."""
     theirs = published(files[0].parent / "README.md")
     print_head()
     for file in files:
-        print_task(rw.load(file), seeds, limit)
+        print_task(rw.load(file), seeds, limit, quasistatic)
         told = next((text for name, text in theirs.items() if fnmatchcase(file.stem, name)), "")
         if told:
             print(f"  its authors: {told}")
@@ -242,6 +256,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--relatives", type=int, default=0, help="so many tasks of the same kind as each, drawn"
     )
+    parser.add_argument(
+        "--quasistatic", action="store_true", help="other plans for the rung on which one does not hold"
+    )
     given = parser.parse_args(arguments)
     named = tuple(given.tasks.split(","))
     files = [file for file in sorted(given.folder.glob("*.yaml")) if file.stem.startswith(named)]
@@ -254,7 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     elif given.schedules:
         print_schedules(files, range(given.seeds), given.limit)
     else:
-        print_all(files, range(given.seeds), given.limit)
+        print_all(files, range(given.seeds), given.limit, given.quasistatic)
 
 
 if __name__ == "__main__":

@@ -222,9 +222,12 @@ def _grasps(
         failed[NO_BALANCE] += not kept
         return
     found, fits, placed = 0, carried(ground, seen) is not None, 0
-    for _ in range(TRIES):
+    alone = rng.permutation(POOL) if (ground.own >= 0).sum() == 1 else None
+    for k in range(TRIES if alone is None else POOL):
         look(1)
         changes, own, picked = _drawn(ground, used, rng)
+        if alone is not None:
+            picked[:] = alone[k]
         staying = used * (1 - changes)
         if edges is not None:
             holding = held_edges(ground, seen, staying) if staying.any() else np.zeros((0, 3))
