@@ -19,6 +19,7 @@ from rungwise.planning.plan import Stage
 from rungwise.planning.search import problem as planning
 from rungwise.planning.task.reserve import tightened
 from rungwise.planning.task.task import task_of
+from rungwise.world.planar import runs as planar_runs
 
 PUSH = rw.load("push")
 
@@ -105,6 +106,14 @@ def test_the_work_of_moves_adds_up_to_the_work_of_the_whole() -> None:
     second = run(first.places, levels[:, 1:], durations[:, 1:])
     assert first.work[0] > 0.0
     assert first.work + second.work == pytest.approx(whole.work, rel=1e-4)  # steps differ
+
+
+def test_moves_that_take_too_many_steps_are_told_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planar_runs, "LONGEST", 1)
+    work, budget = planning.begin(task_of(PUSH), Budget(), 1, 2), Budget()
+    run = Predictor(PUSH, Stage(rw.DYNAMIC_COMPLIANT, 1e-3), 1e-4, {}, budget, 2).run
+    run(work.start, np.array([[[0.05, 0.0]]]), np.array([[0.4]]))
+    assert dict(budget.outcomes) == {"too many steps": 1}
 
 
 def test_plans_are_improved_by_the_cost_of_the_task() -> None:

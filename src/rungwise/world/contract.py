@@ -80,9 +80,10 @@ class Ran(NamedTuple):
 
 
 class Runs(Protocol):
-    """Many runs of one scene on one rung, in threads or processes that are kept; what comes of a run does not
-    depend on how many these are."""
+    """Many runs of one scene on one rung, of at most `budget` steps, in threads or processes that are kept;
+    what comes of a run does not depend on how many these are."""
 
+    budget: int
     threads: int
     parameters: dict[str, float]
 
@@ -106,8 +107,7 @@ class Runs(Protocol):
         """One place, at a state, as runs go on from it, and RUNNING or what ends them. Raises StateError."""
 
     def taken_over(self, place: Places, scene: Any, levels: Reals) -> Places:
-        """One place to which a run of `scene` at other parameters has come, on this rung, as these runs go on
-        from it, after inputs `levels` (u,)."""
+        """A place to which a run of `scene` came on this rung, as these go on, after inputs `levels` (u,)."""
 
     def numbers(self, places: Places) -> Reals:
         """The numbers (m, w) that conditions read, as runs left them (see `Question.read`)."""

@@ -25,6 +25,8 @@ from rungwise.world.find import world_of
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
 """Outcomes after which a plan may go on with its next move."""
 
+SLOW = "too many steps"
+"""What is said of moves that take more steps than a search waits for."""
 PATIENCE = 10
 """How many times as many steps patient runs may take, such as those of plans that are laid out."""
 UNBOUNDED = 1_250_000
@@ -90,8 +92,11 @@ class Budget:
             self.tell()
             self._told = clock.monotonic()
 
-    def take(self, stage: Stage, steps: int, outcomes: Ints) -> None:
+    def take(self, stage: Stage, steps: int, outcomes: Ints, slow: int = 0) -> None:
+        """Count steps, and moves by their outcomes; so many more were `slow`, ended by a bound of steps."""
         self.spent[str(stage)] += steps
+        if slow:
+            self.outcomes[SLOW] += slow
         for code, count in enumerate(np.bincount(outcomes)):
             if count:
                 self.outcomes[Code(code).name.lower()] += int(count)
@@ -177,7 +182,8 @@ class Predictor:
             chunk=max(1, min(64, math.ceil(m / runs.threads / 2))), deadline=self.budget.deadline,
             on_progress=self.budget.look,
         )  # fmt: skip
-        self.budget.take(self.stage, int(found.attempts.sum()), found.outcome)
+        slow = (found.outcome == Code.NOT_CONVERGED) & (found.steps >= runs.budget)
+        self.budget.take(self.stage, int(found.attempts.sum()), found.outcome[~slow], int(slow.sum()))
 
         def at(segment: int, rows: Ints) -> Places:
             return _places(found.at(segment, rows))

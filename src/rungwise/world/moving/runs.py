@@ -102,8 +102,8 @@ class MovingRuns:
         self.parameters = scene.parameters(parameters)
         self.threads = min(threads_of(threads), self.most)
         most = BUDGET if budget is None else count("budget", budget, 1)
-        most = most if patience is None else patience * WAITS
-        self._terms = Terms(scene, model, type(self).make, options, most, False)
+        self.budget = most if patience is None else patience * WAITS
+        self._terms = Terms(scene, model, type(self).make, options, self.budget, False)
         self._digest, self._values = digest(scene), memory_parts(scene).values
 
     def run(

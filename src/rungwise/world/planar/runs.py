@@ -67,7 +67,7 @@ class PlanarRuns:
         self.scene, self.model = scene, model
         self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
         self._whole: float | None = options.get("span")
-        self._budget = options.get("budget") or BUDGET
+        self.budget: int = options.get("budget") or BUDGET
         self._own = {name: options[name] for name in ("duration", "motion") if name in options}
         self._workers = Workers(scene, model, over, parameters, tol=tol, **options)
         self.threads, self.parameters = self._workers.threads, self._workers.parameters
@@ -127,7 +127,7 @@ class PlanarRuns:
             run: Run = finished(alone, None, deadline)
             return run
 
-        return proved(self.model, found.outcome, found.steps, self._budget, again, deadline)
+        return proved(self.model, found.outcome, found.steps, self.budget, again, deadline)
 
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
         """See `Runs.begin`."""
