@@ -130,13 +130,23 @@ def steady(kernel: F) -> F:
     if not isinstance(kernel, Kernel):
         return kernel
     code: Callable[..., object] | None = None
+    calls: Any = None
+    thread: Any = None
 
     def call(*arguments: object) -> object:
-        nonlocal code
-        if code is not None:
-            return kernel._call(code, *arguments)
-        found = kernel(*arguments)
-        code = kernel.code_for(arguments)
+        nonlocal code, calls, thread
+        if code is None:
+            found = kernel(*arguments)
+            calls = _calls()
+            code, thread = kernel.code_for(arguments), calls.thread
+            return found
+        # As `compilation.calls.call`, written out: a call of a function would cost as much as these lines.
+        try:
+            found = code(*arguments)
+        except BaseException as error:
+            calls.raise_late(error)
+        if thread.error is not None:
+            calls.raise_late()
         return found
 
     return call  # type: ignore[return-value]

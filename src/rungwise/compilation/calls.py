@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import llvmlite.binding
 from llvmlite import ir
@@ -87,21 +87,26 @@ class KernelDispatcher(CPUDispatcher):
 
 
 def call(code: Callable[..., object], *arguments: object) -> object:
-    """Call a kernel's dispatcher, or its code, from Python.
-
-    An interrupt that came where Python cannot raise it is raised here."""
+    """Call a kernel's dispatcher from Python. An interrupt that came where Python cannot raise it is raised
+    here."""
     try:
         result = code(*arguments)
     except BaseException as error:
-        compiling.reset()
-        reason, thread.error = thread.error, None
-        if isinstance(error, LinkError) or isinstance(reason, KeyboardInterrupt):
-            raise (reason or KeyboardInterrupt()) from None
-        raise
+        raise_late(error)
     if thread.error is not None:
-        reason, thread.error = thread.error, None
-        raise reason
+        raise_late()
     return result
+
+
+def raise_late(error: BaseException | None = None) -> NoReturn:
+    """Raise what a call raised, or in its place what came where Python could not raise it."""
+    reason, thread.error = thread.error, None
+    if error is None and reason is not None:
+        raise reason
+    compiling.reset()
+    if error is None or isinstance(error, LinkError) or isinstance(reason, KeyboardInterrupt):
+        raise (reason or KeyboardInterrupt()) from None
+    raise error
 
 
 def type_of(kernel: Kernel) -> Any:

@@ -7,7 +7,7 @@ import math
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
-from rungwise.simulation.core.state import State, Trial
+from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.system.entries import Entries, is_crowded, spans
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
@@ -41,13 +41,18 @@ def accept(trial: Trial) -> float:
 
 
 @kernel
-def forget(slots: Ints, fresh: Ints, state: State) -> None:
-    """Slots whose features are new have neither force nor deformation."""
+def take_slots(slots: Ints, fresh: Ints, state: State, terms: Terms, scratch: Scratch) -> None:
+    """Let the contacts of a step be those of these slots, as deformed as they are. Slots whose features are
+    new have neither force nor deformation."""
+    d = state.force.shape[1]
     for k in range(slots.shape[0]):
+        slot = scratch.slots[k] = slots[k]
         if fresh[k]:
-            state.modes[slots[k]] = OPEN
-            for i in range(state.force.shape[1]):
-                state.force[slots[k], i] = state.deformation[slots[k], i] = 0.0
+            state.modes[slot] = OPEN
+        for i in range(d):
+            if fresh[k]:
+                state.force[slot, i] = state.deformation[slot, i] = 0.0
+            terms.deformation[k * d + i] = state.deformation[slot, i]
 
 
 @kernel

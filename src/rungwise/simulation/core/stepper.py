@@ -21,7 +21,7 @@ from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.accept import accept, fill_pace, forget
+from rungwise.simulation.core.accept import accept, fill_pace, take_slots
 from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
 from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
@@ -125,7 +125,7 @@ class Stepper:
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
-        self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
+        self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
         self._keep_near = steady(keep_near)
         clock = self.clock
         clock["limited"] = size.limited
@@ -325,10 +325,7 @@ class Stepper:
             raise
         count, d = len(slots), self.system.size.directions
         self.contacts = count
-        self.scratch.slots[:count] = slots
-        self._forget(slots, fresh, state)
-        if rung.compliant:
-            terms.deformation[: count * d] = state.deformation[slots].ravel()
+        self._take_slots(slots, fresh, state, terms, self.scratch)
         if trial is not self.q:
             terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
             self._expel(terms.gap[:count], h)

@@ -75,19 +75,16 @@ class Loads:
 
     def _fill_loads(self, d: mujoco.MjData, moment: Moment, control: Reals, terms: Terms) -> None:
         m, eps, load = self.model, float(moment.inertia), terms.load
-        load[:] = 0.0
         d.qvel[:] = moment.v if eps > 0.0 else 0.0
         self._mujoco.mj_comVel(m, d)
-        self._mujoco.mj_rne(m, d, 0, self._row)
+        self._mujoco.mj_rne(m, d, 0, self.taken)
         if 0.0 < eps < 1.0:
-            load -= eps * self._row
             d.qvel[:] = 0.0
             self._mujoco.mj_comVel(m, d)
             self._mujoco.mj_rne(m, d, 0, self._row)
-            load -= (1.0 - eps) * self._row
-        else:
-            load -= self._row
-        np.negative(load, out=self.taken)
+            self.taken *= eps
+            self.taken += (1.0 - eps) * self._row
+        np.subtract(0.0, self.taken, out=load)
         if eps > 0.0 and len(self._spins.first):
             self._turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
         if self._springs:

@@ -307,7 +307,7 @@ class Space:
 
     def _at(self, q: Reals) -> None:
         """Make MuJoCo's data those of q."""
-        if q is not self._q and not np.array_equal(q, self._q):
+        if q is not self._q and q.tobytes() != self._q.tobytes():
             m, d = self.model, self.data
             d.qpos[:] = q
             if not (self.boxes.may_meet or self.rims.may_meet or self.nearest.may_meet):
