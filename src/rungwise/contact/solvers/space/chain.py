@@ -39,8 +39,8 @@ from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
-"""Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
-tolerance of the whole. The first is chosen by trial, to a decade."""
+"""Residual asked of an island, and residual that is enough where it takes many steps to come closer or where
+what rests goes on to rest, over the tolerance of the whole. The first is chosen by trial, to a decade."""
 _NEAR = 0.3
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
@@ -95,7 +95,7 @@ def solve_spatial(
         if turn == 1:
             v[:n] = going
         error = residual_where(p, sizes, touched, unknowns)
-        if error <= _MARGIN * TOLERANCE:
+        if error <= _ENOUGH * TOLERANCE:
             _tell_modes(p, sizes, touched, unknowns)
             return SOLVED, error, GUESS
     sorted_by = Order(
