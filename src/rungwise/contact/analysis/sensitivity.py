@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import lapack
 
 from rungwise.contact.analysis.active import pieces
 from rungwise.contact.problem import Array, Problem, numbers
@@ -35,6 +36,10 @@ the right-hand side; for rounding of changes, over their terms. Chosen by trial,
 _ROUNDS, _ROUNDING = 30, 1e-12
 """Rounds that equilibrate the matrix; closing rate, over its terms, that counts as zero: about ten thousand
 roundings of double precision. Both chosen by trial, the rate to a decade."""
+
+_CLEAR = 100.0
+"""An estimate of the reciprocal condition leaves no doubt from so many times the least that singular values
+of a matrix of this size allow: it may be ten times too large."""
 
 
 class Change(NamedTuple):
@@ -87,8 +92,9 @@ class Sensitivity:
         self._yield[k * d :, k * d :] = np.diag(p.R_s)
         own = q.C.T @ self._yield @ q.B + np.diag(q.D)
         self._matrix = np.block([[p.H, -self._rows.T @ q.B], [q.C.T @ self._rows, own]])
-        self._unit = _units(self._matrix)
+        self._unit, self._regular = _units(self._matrix), False
         self._whole, null = self._inverse(np.arange(len(self._unit)))
+        self._regular = null.shape[1] == 0
         share = self._unit[n:, None] * null[n:]
         self._loose_v = np.abs(null[:n]).max(axis=1, initial=0.0) > _SHARE
         size = np.abs(share).max(initial=0.0)
@@ -160,6 +166,8 @@ class Sensitivity:
     def _agreeing(self, right: Array, noise: Array) -> Array:
         """`right` less the disagreement of redundant equations, where that is no more than noise."""
         keep = np.concatenate([np.ones(len(self.v), bool), self._pieces.free])
+        if self._regular:
+            return right  # no equation follows from others
         unit = self._unit[keep, None]
         left, size, _ = np.linalg.svd(self._matrix[keep] * unit * self._unit)
         spare = left[:, int(np.sum(size > _SINGULAR * size.max(initial=0.0))) :]
@@ -251,8 +259,14 @@ class Sensitivity:
 
     def _inverse(self, keep: NDArray[np.int64]) -> tuple[Array, Array]:
         """Pseudo-inverse and null space, as columns, of the kept part of the matrix in its own units."""
+        if len(keep) == len(self._unit) and self._regular:
+            return self._whole, np.zeros((len(keep), 0))
         unit = self._unit[keep]
-        left, size, right = np.linalg.svd(self._matrix[np.ix_(keep, keep)] * unit[:, None] * unit)
+        scaled = self._matrix[np.ix_(keep, keep)] * unit[:, None] * unit
+        inverse = _clear_inverse(scaled)
+        if inverse is not None:
+            return inverse, np.zeros((len(keep), 0))
+        left, size, right = np.linalg.svd(scaled)
         rank = int(np.sum(size > _SINGULAR * size.max(initial=0.0)))
         return (right[:rank].T / size[:rank]) @ left[:, :rank].T, right[rank:].T
 
@@ -309,6 +323,18 @@ class Sensitivity:
             if found.status == Status.SOLVED:
                 z[order, j] = found.x
         return z
+
+
+def _clear_inverse(matrix: Array) -> Array | None:
+    """The inverse, by elimination, where an estimate of the condition leaves no doubt that no singular value
+    is zero (Higham, ACM Trans. Math. Softw. 14 (1988) 381-396); else None."""
+    if not len(matrix):
+        return None
+    factors, _, _ = lapack.dgetrf(matrix)
+    reciprocal, _ = lapack.dgecon(factors, np.abs(matrix).sum(axis=0).max())
+    if not reciprocal > _CLEAR * len(matrix) * _SINGULAR:
+        return None
+    return np.linalg.inv(matrix)
 
 
 def _units(matrix: Array) -> Array:

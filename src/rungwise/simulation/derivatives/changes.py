@@ -176,16 +176,23 @@ def along(changes: dict[str, Data], directions: dict[str, Array], deadline: Dead
     total, sizes = dict[str, Array](), dict[str, Array]()
     for kind, by in directions.items():
         told = np.flatnonzero(by.any(axis=0))
+        if not len(told):
+            continue
+        within = slice(told[0], told[-1] + 1)
+        part = by[:, within]
         for name, change in changes[kind].items():
             deadline.look()
             shape = (*change.shape[:-1], by.shape[1])
-            total.setdefault(name, np.zeros(shape))[..., told] += _times(change, by[:, told])
-            sizes.setdefault(name, np.zeros(shape))[..., told] += _times(np.abs(change), np.abs(by[:, told]))
+            total.setdefault(name, np.zeros(shape))[..., within] += _times(change, part)
+            sizes.setdefault(name, np.zeros(shape))[..., within] += _times(np.abs(change), np.abs(part))
     return total, sizes
 
 
 def _times(change: Array, by: Array) -> Array:
-    """Changes (..., unknowns) along directions (unknowns, m), as one product of matrices."""
+    """Changes (..., unknowns) along directions (unknowns, m), as one product of matrices; where each
+    direction is one unknown, in order, the changes themselves."""
     *shape, unknowns = change.shape
+    if by.shape == (unknowns, unknowns) and np.array_equal(by, np.eye(unknowns)):
+        return change
     flat: Array = change.reshape(math.prod(shape), unknowns) @ by
     return flat.reshape(*shape, by.shape[1])
