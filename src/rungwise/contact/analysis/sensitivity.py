@@ -334,7 +334,7 @@ def _clear_inverse(matrix: Array) -> Array | None:
     reciprocal, _ = lapack.dgecon(factors, np.abs(matrix).sum(axis=0).max())
     if not reciprocal > _CLEAR * len(matrix) * _SINGULAR:
         return None
-    return np.linalg.inv(matrix)
+    return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def _units(matrix: Array) -> Array:
