@@ -4,9 +4,9 @@
 
 `docs/constants.txt` calls a number free by a factor where no answer is known to hang on it within that
 factor, to either side. Here the numbers free by each factor are all multiplied by it in a copy of the
-package, then divided, and the planar scenes that ship are run on each rung that moves. A run notices where
-its outcome is another, or it ends farther away than a twentieth of its way. Each copy compiles its kernels
-anew, which takes minutes. Exit code 1 where more than one run in fifty notices.
+package, then divided, and the planar scenes that ship, and some in space, are run on each rung that moves. A
+run notices where its outcome is another, or it ends farther away than a twentieth of its way. Each copy
+compiles its kernels anew, which takes minutes. Exit code 1 where more than one run in fifty notices.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 NOTICED, ALLOWED = 0.05, 0.02
 """Distance of ends, over the way, that counts; and the part of the runs that may notice."""
+SPACE = ("ball", "peg", "slope", "stack", "three_finger_lift", "three_fingers")
 Ends = dict[tuple[str, str], tuple[str, list[float], float]]
 
 RUN = """
@@ -97,7 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("scenes", nargs="*")
     scenes = parser.parse_args(arguments).scenes
-    scenes = scenes or sorted(file.stem for file in (ROOT / "src/rungwise/scene/library").glob("*.yaml"))
+    planar = sorted(file.stem for file in (ROOT / "src/rungwise/scene/library").glob("*.yaml"))
+    scenes = scenes or [*planar, *SPACE]
     before, most = ends(ROOT / "src", scenes), 0.0
     for factor, numbers in sorted(free().items()):
         for by in (1.0 / factor, factor):

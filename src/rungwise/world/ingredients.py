@@ -29,6 +29,13 @@ CONDITIONS = ("goal", "unsafe", "doomed", "task")
 """Fields of a scene that do not change how bodies move."""
 TOUCHES = 1e-3
 """Bodies that come nearer than this part of the size of what moves count as having met."""
+ACTS = 1e-6
+"""Entries of a certificate below this part of the greatest take no part in it."""
+
+
+def acting(entries: Reals) -> NDArray[np.bool_]:
+    """Which entries (n,) of a certificate, none of them negative, take part in it."""
+    return np.asarray(entries > ACTS * entries.max(initial=0.0))
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,8 @@ from numpy.typing import NDArray
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
 from rungwise.simulation.result import Run
 from rungwise.world import ingredients
-from rungwise.world.ingredients import TOUCHES, Motion, Parting, evidence_of, of_body
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body
 from rungwise.world.planar.variant import RESISTS, PlanarVariant
-
-ACTS = 1e-6
-"""Entries of a certificate below this part of the greatest take no part in it."""
 
 
 def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -52,7 +49,7 @@ def _pressing(run: Run) -> list[str]:
     if run.certificate.kind == "kinematic":
         rigid = np.flatnonzero(~(run.problem.R != 0.0).any(axis=(1, 2)))
         force = run.certificate.vectors[0][: len(rigid)]
-        taking[rigid] = force > ACTS * force.max(initial=0.0)
+        taking[rigid] = acting(force)
     elif run.certificate.modes:
         decided = np.array(run.certificate.modes)[:, :count]
         taking = ((decided != ANY) & (decided != OPEN)).any(axis=0)
@@ -70,7 +67,7 @@ def _giving(run: Run) -> list[str]:
     assert run.certificate is not None and run.workspace is not None and run.problem is not None
     motion = np.abs(run.certificate.vectors[0])
     free = run.workspace.state.free[: len(run.problem.c)]
-    at = free[: len(motion)][motion[: len(free)] > ACTS * motion.max(initial=0.0)]
+    at = free[: len(motion)][acting(motion)[: len(free)]]
     return [run.scene.template.coordinates[int(k)] for k in at]
 
 

@@ -17,7 +17,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.world import ingredients
 from rungwise.world.contract import OBSTACLE
 from rungwise.world.find import world_of
-from rungwise.world.ingredients import TOUCHES, Motion, Parting, evidence_of, of_body, speeds
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, speeds
 from rungwise.world.spatial.variant import SLIP, SpatialVariant
 
 MODES = ("open", "stick", "slip")
@@ -53,7 +53,7 @@ def end(run: SpaceRun) -> dict[str, Any]:
     if run.certificate.kind == "unsupported":
         motion = np.abs(run.certificate.vectors[0])
         free = np.flatnonzero(np.isnan(run.space.pace))
-        at = free[: len(motion)][motion[: len(free)] > 1e-6 * motion.max(initial=0.0)]
+        at = free[: len(motion)][acting(motion)[: len(free)]]
         found["certificate"]["coordinates"] = [run.scene.template.velocities[int(k)] for k in at]
     return found
 
