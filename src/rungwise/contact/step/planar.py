@@ -7,6 +7,8 @@ NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to loo
 
 from __future__ import annotations
 
+import math
+
 from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
 from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
@@ -79,6 +81,8 @@ def solve_planar(
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, ENUMERATION
     _clear(sizes, unknowns)
+    if not math.isfinite(found):  # the last iterate has no measure; what is handed over has
+        found = residual(problem, sizes, unknowns)
     return NO_SOLUTION, found, ENUMERATION
 
 
