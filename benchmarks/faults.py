@@ -271,9 +271,9 @@ FAULTS = (
     ),
     Fault(
         "unended-kept", "src/rungwise/sets/feasible/oracle.py",
-        "if (outcome == Code.RUNNING).any():", "if (outcome == Code.RUNNING).all():",
-        ("tests/sets/test_kept.py::test_a_batch_that_a_limit_ends_is_not_kept",),
-        "batches that a limit ended are kept as if they were done",
+        "done = len(rows) - int((outcome == Code.RUNNING).sum())", "done = len(rows)",
+        ("tests/sets/test_kept.py::test_of_a_batch_that_a_limit_ends_the_runs_that_are_done_are_kept",),
+        "batches that a limit ended count as done",
     ),
     Fault(
         "unended-doomed", "src/rungwise/sets/doomed/images.py",
