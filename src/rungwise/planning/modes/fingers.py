@@ -1,4 +1,4 @@
-"""Fingers: robots that a planner may place on objects, with what is known of their drives."""
+"""Fingers: robots that a planner may place on objects, what is known of their drives, how they are led."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, kernel
 from rungwise.planning.modes.arms import Arm, arm_of
 from rungwise.planning.task.fingers import Finger as Stated
 from rungwise.planning.task.fingers import fingers_of as stated
@@ -91,3 +91,36 @@ def _arms_carrier(finger: Stated) -> Carrier:
     return Carrier(
         **vars(finger.driven), speed=finger.speed, clearance=finger.clearance, push=(0.0, 0.0), lean=0.0
     )
+
+
+@kernel
+def carry(
+    rows: Reals, held: Ints, used: Ints, placing: Ints, columns: Ints, change: Reals, q: Reals
+) -> None:  # fmt: skip
+    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), so that where they touch, at
+    contacts (f,), neither opens nor slips while the object changes by (k,)."""
+    for f in range(len(held)):
+        i, j = placing[f, 0], placing[f, 1]
+        if held[f] < 0 or used[f] == 0 or i < 0:
+            continue
+        normal, tangent = rows[held[f], 0], rows[held[f], 1]
+        opens, slips = 0.0, 0.0
+        for c in range(len(columns)):
+            opens -= normal[columns[c]] * change[c]
+            slips -= tangent[columns[c]] * change[c]
+        area = normal[i] * tangent[j] - normal[j] * tangent[i]
+        q[i] += (opens * tangent[j] - slips * normal[j]) / area
+        q[j] += (slips * normal[i] - opens * tangent[i]) / area
+
+
+@kernel
+def touch(rows: Reals, gaps: Reals, held: Ints, used: Ints, placing: Ints, q: Reals) -> None:
+    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), along the normals of their
+    contacts (f,) until these close."""
+    for f in range(len(held)):
+        i, j = placing[f, 0], placing[f, 1]
+        if held[f] < 0 or used[f] == 0 or i < 0:
+            continue
+        x, y = rows[held[f], 0, i], rows[held[f], 0, j]
+        q[i] -= x * gaps[held[f]] / (x * x + y * y)
+        q[j] -= y * gaps[held[f]] / (x * x + y * y)

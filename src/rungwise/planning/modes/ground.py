@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.planning.modes.arms import Arm
 from rungwise.planning.modes.cones import Memory, memory_for, see
-from rungwise.planning.modes.fingers import Finger
+from rungwise.planning.modes.fingers import Finger, carry, touch
 from rungwise.planning.modes.motions import turn
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches
@@ -272,7 +272,7 @@ class Ground:
         """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
         q = seen.q.copy()
         q[self.columns] += change
-        _carry(seen.touches.rows, seen.held, used, self.placing, self.columns, change, q)
+        carry(seen.touches.rows, seen.held, used, self.placing, self.columns, change, q)
         for f in self.arms:
             if not used[f]:
                 continue
@@ -295,7 +295,7 @@ class Ground:
                 q = self.moved(seen, self._closing(touches, np.array(rows)), held)
                 seen = self.look(q)
             q = q.copy()
-            _touch(seen.touches.rows, seen.touches.gaps, seen.held, held, self.placing, q)
+            touch(seen.touches.rows, seen.touches.gaps, seen.held, held, self.placing, q)
             for f in self.arms:
                 if held[f] and seen.held[f] >= 0:
                     finger, gap = self.fingers[f], seen.touches.gaps[seen.held[f]]
@@ -370,36 +370,3 @@ def _is_apart(
                 if not (reach[f, 0, axis] <= place and place <= reach[f, 1, axis]):
                     return False
     return True
-
-
-@kernel
-def _carry(
-    rows: Reals, held: Ints, used: Ints, placing: Ints, columns: Ints, change: Reals, q: Reals
-) -> None:  # fmt: skip
-    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), so that where they touch, at
-    contacts (f,), neither opens nor slips while the object changes by (k,)."""
-    for f in range(len(held)):
-        i, j = placing[f, 0], placing[f, 1]
-        if held[f] < 0 or used[f] == 0 or i < 0:
-            continue
-        normal, tangent = rows[held[f], 0], rows[held[f], 1]
-        opens, slips = 0.0, 0.0
-        for c in range(len(columns)):
-            opens -= normal[columns[c]] * change[c]
-            slips -= tangent[columns[c]] * change[c]
-        area = normal[i] * tangent[j] - normal[j] * tangent[i]
-        q[i] += (opens * tangent[j] - slips * normal[j]) / area
-        q[j] += (slips * normal[i] - opens * tangent[i]) / area
-
-
-@kernel
-def _touch(rows: Reals, gaps: Reals, held: Ints, used: Ints, placing: Ints, q: Reals) -> None:
-    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), along the normals of their
-    contacts (f,) until these close."""
-    for f in range(len(held)):
-        i, j = placing[f, 0], placing[f, 1]
-        if held[f] < 0 or used[f] == 0 or i < 0:
-            continue
-        x, y = rows[held[f], 0, i], rows[held[f], 0, j]
-        q[i] -= x * gaps[held[f]] / (x * x + y * y)
-        q[j] -= y * gaps[held[f]] / (x * x + y * y)
