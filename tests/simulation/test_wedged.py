@@ -3,10 +3,13 @@ are wedged come to rest."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.contact.judge.certificate import check
 
 TOL = 7.071067811865475e-05
 START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
@@ -60,3 +63,46 @@ def test_cups_wedged_between_pin_and_chute_come_to_rest(tol: float | None, most:
     drawn |= {"pin_x": rng.uniform(0.015, 0.045, 400), "pin_y": rng.uniform(-0.025, 0.015, 400)}
     found = rw.rollout("part_feeder", "dynamic-rigid", parameters=drawn, tol=tol, keep=False, budget=most)
     assert not np.isin(found.outcomes, ["not_converged", "jammed"]).any()
+
+
+def blocks_apart(seed: int) -> dict[str, Any]:
+    """Blocks between two walls, and a wedge at a given speed between the first two."""
+    rng = np.random.default_rng(seed)
+    count, mu = int(rng.integers(3, 6)), rng.uniform(0.2, 1.0)
+    widths = rng.uniform(0.8, 1.2, count)
+    widths *= 2.0 / widths.sum()
+    bodies: dict[str, Any] = {
+        name: {"role": "obstacle", "shape": {"kind": "halfplane", "normal": normal}, "pose": {"x": x}}
+        for name, normal, x in (("left", [1, 0], -1.0), ("right", [-1, 0], 1.0), ("floor", [0, 1], 0.0))
+    }
+    for i, (width, end) in enumerate(zip(widths, np.cumsum(widths) - 1.0, strict=True)):
+        corners = [[0, 0], [width - 1e-4, 0], [width - 0.05, 0.5], [0.05, 0.5]]
+        bodies[f"block{i}"] = {
+            "role": "object", "mass": 1.0, "shape": {"kind": "polygon", "vertices": corners},
+            "pose": {"x": end - width + 5e-5}, "motion": {"kind": "free"},
+        }  # fmt: skip
+    bodies["wedge"] = {
+        "role": "robot", "shape": {"kind": "regular", "corners": 3, "reach": 0.3},
+        "pose": {"x": widths[0] - 1.0, "y": 0.85, "angle": -0.5 * np.pi},
+        "motion": {"kind": "slide", "axis": [0, -1], "name": "d"},
+        "coordinates": {"d": {"drive": {"kind": "speed", "speed": 0.1}}},
+    }  # fmt: skip
+    contacts = [{"between": ["*", "*"], "friction": mu}]
+    return {
+        "name": "apart", "gravity": [0, -9.0], "bodies": bodies, "contacts": contacts, "duration": 6.0,
+        "step": 0.005, "goal": "wedge.d >= 0.4", "tolerance": 10.0 ** rng.uniform(-12, -6),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("first", "count"), [(1, 6), pytest.param(0, 24, marks=pytest.mark.long)])
+def test_what_friction_holds_against_a_wedge_jams_with_a_proof(first: int, count: int) -> None:
+    """Also without momentum, where nearly no inertia stands against the loads."""
+    jams = open_ = 0
+    for seed in range(first, first + count):
+        run = rw.simulate(blocks_apart(seed), "quasistatic-rigid", frames=3)
+        open_ += run.outcome == "not_converged"
+        if run.outcome == "jammed":
+            jams += 1
+            assert run.certificate is not None and run.problem is not None
+            assert check(run.problem, run.certificate)
+    assert jams >= count / 2 and open_ <= 0.1 * count

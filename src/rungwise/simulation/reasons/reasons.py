@@ -32,6 +32,9 @@ from rungwise.wording import listed
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
 """A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
 where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+HEAVIER = 1e3
+"""Factor on the inertia that stands for none in the proof of a jam: it then makes up as much of the loads as
+in the heaviest step that counts as balanced."""
 SEEN = 1e-3
 """Part of the fastest coordinate's speed from which on a coordinate is named."""
 
@@ -80,10 +83,7 @@ class Reasons:
         problem = trim(self.workspace.problem, n, contacts, limited)
         certificate, balance = None, None
         if code == Code.JAMMED:
-            problem = without_law(
-                problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
-            )
-            certificate = certify_infeasible(problem, deadline)
+            certificate, problem = self._proved_jam(problem, deadline)
         elif code == Code.UNSUPPORTED or self._asks_for_balance():
             problem, _ = self._unsupported()
             certificate, balance = certify_or_balance(problem, self.resisting(), deadline)
@@ -92,6 +92,24 @@ class Reasons:
         outcome = outcome if code == Code.JAMMED else OUTCOMES[Code.UNSUPPORTED]
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
         return Ended(outcome.code, reason, certificate, problem)
+
+    def _proved_jam(
+        self, problem: ContactProblem, deadline: Deadline
+    ) -> tuple[Certificate | None, ContactProblem]:
+        """A proof that the last step, of this trimmed problem, has no solution, and the problem proved.
+
+        Without momentum loads alone would move bodies so fast, by the inertia that stands for none, that
+        demanded rates are rounding beside that: then the proof is for as much inertia as a balance may have.
+        """
+        free, inertia = self.workspace.state.free, problem.H - self.resisting()
+        problem = without_law(problem, self.workspace.terms, free, self.model.inertia)
+        certificate = certify_infeasible(problem, deadline)
+        if certificate is not None or self.model.inertia > 0.0 or not self.model.loads:
+            return certificate, problem
+        heavier = trim(problem, len(problem.c), len(problem.mu), len(problem.F))
+        heavier.H[...] += (HEAVIER - 1.0) * inertia
+        certificate = certify_infeasible(heavier, deadline)
+        return certificate, problem if certificate is None else heavier
 
     def _crushed(self) -> str:
         """Which contact yields too far for its model under forces that balance the loads, where no step is
