@@ -39,7 +39,7 @@ AROUND, TURN = 1.5, 1.0
 """Room about start and goals in which places are drawn, in parts of the size and in radians."""
 CHOSEN, GREEDY = 4, 0.3
 """Modes that a node is extended in, and how often these are the best."""
-POOL, TRIES, PLACED, ENOUGH = 48, 120, 24, 6
+POOL, TRIES, PLACED, ENOUGH = 48, 60, 24, 6
 """Places on the outline of which some are drawn for fingers; how often, for a mode; of these, how often
 fingers are placed, and those that fit after which no more are."""
 LEAVES, IDLE = 0.6, 0.25
