@@ -43,8 +43,8 @@ SHARE, SLOWLY, COARSELY, TURNS = 0.1, 0.4, 0.5, 3
 """Parts of the steps and of the time left that may be spent in one turn: on a stage of another rung than the
 last; on all of these where robots push slowly, for then they predict what the last one does; on a coarse
 stage of the last rung; and in how many turns all is spent where nothing comes to the last stage."""
-MENDING = 0.2
-"""Part of what is left that a plan which is not confirmed may take to be repaired."""
+CONFIRMING, MENDING = 0.5, 0.2
+"""Parts of what is left that the replay which confirms a plan may take, and the repair of one that is not."""
 UNCONFIRMED = "not confirmed by a replay at a tenth of its accuracy"
 INTERRUPTED = "interrupted"
 """How the reason of a plan begins whose search was interrupted."""
@@ -352,8 +352,15 @@ def _confirmed(work: Work, found: Plan, last: Stage) -> Plan:
 
 
 def _is_confirmed(work: Work, plan: Plan) -> bool:
+    """Whether the replay at a tenth of the accuracy comes to the goal, in a part of the time that is left.
+    Raises TimeOver where none is."""
     budget = work.budget
-    run = plan.replay(tol=TENTH * plan.tol, limit=budget.seconds, on_progress=budget.look)
+    try:
+        with budget.part(CONFIRMING):
+            run = plan.replay(tol=TENTH * plan.tol, limit=budget.seconds, on_progress=budget.look)
+    except TimeOver:
+        budget.look()
+        return False
     if run.outcome.code == Code.RUNNING:
         budget.look()
     return bool(run.outcome.code == Code.GOAL)
