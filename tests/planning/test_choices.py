@@ -112,7 +112,7 @@ def test_a_replay_that_confirms_takes_a_part_of_the_time_that_is_left() -> None:
     """After it there is time for another plan, and this one is not confirmed."""
     budget, given = Budget(None, 100.0), list[float]()
 
-    def endless(tol: float, limit: float, **_options: object) -> Any:
+    def endless(limit: float, **_options: object) -> Any:
         given.append(limit)
         raise TimeOver("in a replay")
 

@@ -344,7 +344,9 @@ def _confirmed(work: Work, found: Plan, last: Stage) -> Plan:
             return found
         with work.budget.part(MENDING):
             found = _take_stage(work, found, Stage(last.model, TENTH * last.tol), anew=False)
-        if not found.found or _is_confirmed(work, found):
+        if not found.found:
+            return replace(found, reason=f"{last}: {UNCONFIRMED}; {found.reason}")
+        if _is_confirmed(work, found):
             return found
     except TimeOver:
         return replace(found, reason=f"{found.stage}: {UNCONFIRMED}; {work.budget.ended}")
