@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 if TYPE_CHECKING:
     import mujoco
@@ -46,14 +47,33 @@ def reaches(model: mujoco.MjModel) -> Reals:
     return found
 
 
+def vectors(model: mujoco.MjModel) -> Ints:
+    """Where each vector of velocities begins, and the end of the last (g + 1,): the translation of a free
+    body, its turn, the turn of a ball joint, and each other velocity for itself."""
+    import mujoco
+
+    first = []
+    for kind, address in zip(model.jnt_type, model.jnt_dofadr, strict=True):
+        first.append(int(address))
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            first.append(int(address) + 3)
+    return np.array([*first, model.nv], np.int64)
+
+
 @kernel
-def fastest_point(reaches: Reals, v: Reals) -> float:
-    """The greatest speed of any point at velocities v (n,), by these bounds."""
-    greatest = 0.0
+def fastest_point(reaches: Reals, vectors: Ints, v: Reals, lengths: Reals) -> float:
+    """The greatest speed of any point at velocities v (n,), by these bounds, in any frame; `lengths` (g,) is
+    scratch."""
+    greatest, count = 0.0, len(vectors) - 1
+    for g in range(count):
+        total = 0.0
+        for i in range(vectors[g], vectors[g + 1]):
+            total += v[i] * v[i]
+        lengths[g] = math.sqrt(total)
     for b in range(len(reaches)):
         speed = 0.0
-        for i in range(len(v)):
-            speed += reaches[b, i] * abs(v[i])
+        for g in range(count):
+            speed += reaches[b, vectors[g]] * lengths[g]
         greatest = max(greatest, speed)
     return greatest
 

@@ -33,7 +33,7 @@ from rungwise.system.spatial.loads import Loads
 from rungwise.system.spatial.nearest import Nearest
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import Passing, frames
-from rungwise.system.spatial.reach import fastest_point, reaches
+from rungwise.system.spatial.reach import fastest_point, reaches, vectors
 from rungwise.system.spatial.resting import Resting
 from rungwise.system.spatial.rims import Rims
 from rungwise.system.terms import Terms
@@ -96,7 +96,8 @@ class Space:
         _set_options(m)
         self.data = mujoco.MjData(m)
         self.directions = directions(m)
-        self.reaches = reaches(m)
+        self.reaches, self._vectors = reaches(m), vectors(m)
+        self._lengths = np.zeros(len(self._vectors) - 1)
         self.passing = Passing(m, self.reaches)
         self.drives: Drives = drives(m)
         self.boxes, self.rims = Boxes(m), Rims(m)
@@ -213,7 +214,7 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, v)
+        return 2.0 * self._fastest_point(self.reaches, self._vectors, v, self._lengths)
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
         deep = max(-self.least_gap(q), 0.0)
