@@ -110,7 +110,7 @@ def _answers() -> None:
     package.to_html(package.simulate("gripper", package.DYNAMIC_RIGID))
     package.compare("two_finger", samples=1)
     for model in package.LADDER[1:]:
-        package.feasible_set("two_finger", model, ("v1", "v2"), tol=0.5)
+        package.feasible_set("two_finger", model, ("v1", "v2"), tol=0.25)
         package.design("two_finger", ("v2",), model=model, box={"v2": (0.1, 0.4)}, budget=10)
 
 

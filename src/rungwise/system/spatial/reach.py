@@ -66,10 +66,9 @@ def fastest_point(reaches: Reals, vectors: Ints, v: Reals, lengths: Reals) -> fl
     scratch."""
     greatest, count = 0.0, len(vectors) - 1
     for g in range(count):
-        total = 0.0
-        for i in range(vectors[g], vectors[g + 1]):
-            total += v[i] * v[i]
-        lengths[g] = math.sqrt(total)
+        lengths[g] = abs(v[vectors[g]])
+        for i in range(vectors[g] + 1, vectors[g + 1]):
+            lengths[g] = math.hypot(lengths[g], v[i])
     for b in range(len(reaches)):
         speed = 0.0
         for g in range(count):
