@@ -355,3 +355,12 @@ def test_indices_in_kernels_of_the_package_count_from_the_start_unless_they_are_
         compared.append("icmp slt i64" in read.inspect_llvm(read.signatures[0]))
     assert compared == [False, True]
     assert read(np.array([1.0, 2.0, 4.0]), -2) == 6.0
+
+
+def test_kernels_of_sets_are_compiled_for_a_wheel(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a wheel asks, to have all kernels of sets and designs, is answered."""
+    monkeypatch.setattr(sys, "argv", ["compilation", "sets"])
+    import_module("rungwise.compilation.__main__").main()
+    assert "kernels compiled" in capsys.readouterr().out

@@ -1,11 +1,11 @@
 """Compile and keep kernels, before many processes need them at once.
 
-    python -m rungwise.compilation [runs] [problems] [space] [answers]
+    python -m rungwise.compilation [runs] [problems] [space] [answers] [sets]
 
 Runs: begins each shipped scene on each rung, at fixed and controlled steps, alone and in a batch. Problems:
 solves contact problems of each kind, small and large, in the plane and in space. Space: takes steps of scenes
 in space on each rung, if MuJoCo is installed. Answers: asks of shipped scenes what the commands ask, plans,
-diagnoses, comparisons, sets and designs, for some minutes. Without a name: all.
+diagnoses and comparisons, for some minutes. Sets: sets and designs. Without a name: all.
 """
 
 from __future__ import annotations
@@ -109,12 +109,16 @@ def _answers() -> None:
     package.diagnose("gripper", "kinematic", "quasistatic-rigid")
     package.to_html(package.simulate("gripper", package.DYNAMIC_RIGID))
     package.compare("two_finger", samples=1)
+
+
+def _sets() -> None:
+    package = importlib.import_module("rungwise")
     for model in package.LADDER[1:]:
         package.feasible_set("two_finger", model, ("v1", "v2"), tol=0.25)
-        package.design("two_finger", ("v2",), model=model, box={"v2": (0.1, 0.4)}, budget=10)
+        package.design("two_finger", ("v2",), model=model, box={"v2": (0.1, 0.4)}, budget=200)
 
 
-_PARTS = {"runs": _runs, "problems": _problems, "space": _space, "answers": _answers}
+_PARTS = {"runs": _runs, "problems": _problems, "space": _space, "answers": _answers, "sets": _sets}
 
 if __name__ == "__main__":
     main()
