@@ -459,7 +459,6 @@ def test_goal_before_a_number_stops_being_finite() -> None:
 
 def test_wall_time_is_without_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first call, which compiles, is over before the clock starts."""
-    simulation = Simulation("two_finger", rw.KINEMATIC)
     now, spent = [0.0], [60.0, 1.0, 1.0]
     advance = loop.advance
 
@@ -468,6 +467,7 @@ def test_wall_time_is_without_compilation(monkeypatch: pytest.MonkeyPatch) -> No
         return int(advance(*arguments))  # type: ignore[arg-type]
 
     monkeypatch.setattr(loop, "advance", slow)
+    simulation = Simulation("two_finger", rw.KINEMATIC)
     monkeypatch.setattr(time, "perf_counter", lambda: now[0])
     simulation.advance()
     assert simulation.result().wall_s == 1.0

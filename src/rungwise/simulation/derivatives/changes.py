@@ -176,15 +176,15 @@ def along(changes: dict[str, Data], directions: dict[str, Array], deadline: Dead
     total, sizes = dict[str, Array](), dict[str, Array]()
     for kind, by in directions.items():
         told = np.flatnonzero(by.any(axis=0))
-        if not len(told):
-            continue
-        within = slice(told[0], told[-1] + 1)
+        within = slice(told[0], told[-1] + 1) if len(told) else slice(0)
         part = by[:, within]
         for name, change in changes[kind].items():
             deadline.look()
             shape = (*change.shape[:-1], by.shape[1])
-            total.setdefault(name, np.zeros(shape))[..., within] += _times(change, part)
-            sizes.setdefault(name, np.zeros(shape))[..., within] += _times(np.abs(change), np.abs(part))
+            own, size = total.setdefault(name, np.zeros(shape)), sizes.setdefault(name, np.zeros(shape))
+            if len(told):
+                own[..., within] += _times(change, part)
+                size[..., within] += _times(np.abs(change), np.abs(part))
     return total, sizes
 
 
