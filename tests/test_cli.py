@@ -311,7 +311,8 @@ def test_a_scene_from_a_file(rungwise: Command, scene_file: Callable[..., Path])
 def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "run"
     first = rungwise(*SIM, "--out", folder, "--json").json
-    dataset, summary = rw.load_run(folder)
+    saved = rw.load_run(folder)
+    dataset, summary = saved.trajectory, saved.summary()
     assert summary["outcome"] == first["outcome"] == "goal"
     assert summary["parameters"] == first["parameters"]
     assert dataset.attrs["scene"] == "two_finger" and dataset.attrs["model"] == "kinematic"
@@ -319,11 +320,17 @@ def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) 
     long = dataset.sizes["time"]
     (folder / "notes.txt").write_text("kept")
     second = rungwise(*SIM, "--out", folder, "--time", "0.001", "--json").json
-    dataset, summary = rw.load_run(folder)
+    saved = rw.load_run(folder)
+    dataset, summary = saved.trajectory, saved.summary()
     assert summary["outcome"] == second["outcome"] != "goal"
     assert dataset.sizes["time"] < long and float(dataset.time[-1]) == pytest.approx(0.001)
     assert np.isfinite(dataset.position).all()
-    assert sorted(p.name for p in folder.iterdir()) == ["notes.txt", "run.json", "trajectory.zarr"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "notes.txt",
+        "run.json",
+        "states.npz",
+        "trajectory.zarr",
+    ]
 
 
 def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
@@ -384,7 +391,7 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     assert time.monotonic() - began < 10.0  # a second on an idle machine, most of it to import the storage
     report = json.loads(out)
     assert report["outcome"] == "running" and "Traceback" not in err
-    assert rw.load_run(folder)[1]["time"] == report["time"]
+    assert rw.load_run(folder).time == report["time"]
 
 
 def test_interrupted_search_keeps_the_plan_of_the_stage_before(tmp_path: Path) -> None:
@@ -680,7 +687,7 @@ def test_a_run_that_a_limit_ends_is_told_and_its_answer_is_open(rungwise: Comman
     found = rungwise(*SIM, "--limit", 0, "--json", "--out", tmp_path)
     assert found.code == rw.Outcome.RUNNING.exit_code == 1
     assert found.json["outcome"] == "running" and "0 s are over" in found.json["reason"]
-    assert rw.load_run(tmp_path)[1]["outcome"] == "running"
+    assert rw.load_run(tmp_path).outcome == "running"
 
 
 QUICK = {"models", "scenes", "check"}

@@ -48,8 +48,8 @@ def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
     assert all(name in printed for name in moving)
     assert "frictional certificate" in printed
     for name in moving:
-        trajectory, summary = rw.load_run(tmp_path / "two_finger" / name)
-        assert summary["outcome"] == "goal" and trajectory.sizes["time"] > 2
+        run = rw.load_run(tmp_path / "two_finger" / name)
+        assert run.outcome == "goal" and run.trajectory.sizes["time"] > 2
     assert (tmp_path / "two_finger.png").stat().st_size > 10_000
 
 

@@ -10,5 +10,17 @@ for model in rw.LADDER[1:]:
 import lazy_loader
 
 # A name is imported when it is first used: which names there are, and from where, stands in __init__.pyi.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    if name in __all__ or name.startswith("_"):
+        return _attribute(name)
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, __all__, 1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{meant}", name=name)
+
+
 __version__ = "0.1.0"

@@ -64,7 +64,6 @@ from .simulation.spatial.result import SpaceRun
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
-from .simulation.trajectory import load_run
 from .viewing.inline import PictureError, plot, to_html
 from .viewing.plane.parting import draw_parting
 from .viewing.view import view
@@ -74,7 +73,7 @@ from .world.carriers import TaskError
 from .world.planar.rollouts import Rollouts
 from .world.questions import Answers, Geometry, ask, geometry
 from .world.rollout import rollout
-from .world.run import simulate
+from .world.run import load_run, simulate
 from .world.spatial.rollouts import SpaceRollouts
 
 __all__ = [

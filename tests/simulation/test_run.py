@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.content import same
 from rungwise.simulation import trajectory
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar import loop
@@ -330,20 +331,52 @@ def test_stride_and_names() -> None:
     assert data.attrs["outcome"] == "timeout"
 
 
-def test_saved_runs_come_back_and_are_replaced_whole(tmp_path: Path) -> None:
-    first = rw.simulate("two_finger", rw.DYNAMIC_COMPLIANT, step=2e-3)
-    second = rw.simulate("slide_roll", rw.DYNAMIC_RIGID, duration=0.05)
-    for run in (first, second):
-        assert run.save(tmp_path) == tmp_path
-        data, summary = trajectory.load_run(tmp_path)
-        assert data.equals(run.trajectory) and data.attrs == run.trajectory.attrs
-        assert summary == run.summary()
-        assert sorted(p.name for p in tmp_path.iterdir()) == [trajectory.SUMMARY, trajectory.STORE]
+RUNS = {
+    "compliant": lambda: rw.simulate("two_finger", rw.DYNAMIC_COMPLIANT, step=2e-3),
+    "rigid": lambda: rw.simulate("slide_roll", rw.DYNAMIC_RIGID, duration=0.05),
+    "half": lambda: rw.simulate("push", rw.DYNAMIC_RIGID.with_inertia(0.5), theta=0.5, duration=0.5),
+    "inputs": lambda: rw.simulate(
+        "two_finger", "kinematic", inputs=[{"inputs": {"v2": 0.9}, "duration": 0.5}]
+    ),
+    "jam": lambda: rw.simulate("two_finger", "quasistatic-rigid", parameters={"mu": 1.2, "v2": 0.9}),
+    "space": lambda: rw.simulate("ball", "dynamic-rigid", duration=0.1),
+}
 
 
-def test_a_folder_without_a_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", RUNS)
+def test_saved_runs_come_back_as_they_were(name: str, tmp_path: Path) -> None:
+    run = RUNS[name]()
+    assert run.save(tmp_path) == tmp_path
+    read = rw.load_run(tmp_path)
+    assert type(read) is type(run) and read.scene == run.scene and read.model == run.model
+    assert read.trajectory.equals(run.trajectory) and read.trajectory.attrs == run.trajectory.attrs
+    assert read.summary() == run.summary() and read.theta == run.theta and read.inputs == run.inputs
+    assert len(read.states) == len(run.states) and read.energy_gained == run.energy_gained
+    for one, other in zip(read.states, run.states, strict=True):
+        assert np.array_equal(one.memory.values, other.memory.values, equal_nan=True)
+        assert np.array_equal(one.q, other.q) and np.array_equal(one.v, other.v) and one.time == other.time
+    assert same(read.certificate, run.certificate)
+    assert all(page.stat().st_size > 1000 for page in rw.view(read, html=tmp_path / "run.html"))
+    on = [rw.simulate(each.scene, each.model, state=each.states[2], parameters=each.parameters,
+                      theta=each.theta, duration=run.time) for each in (read, run)]  # fmt: skip
+    assert on[0].final == on[1].final and on[0].steps == on[1].steps
+
+
+def test_saved_runs_are_replaced_whole(tmp_path: Path) -> None:
+    for run in (RUNS["compliant"](), RUNS["rigid"]()):
+        run.save(tmp_path)
+        assert rw.load_run(tmp_path).summary() == run.summary()
+        files = sorted(p.name for p in tmp_path.iterdir())
+        assert files == [trajectory.SUMMARY, trajectory.STATES, trajectory.STORE]
+
+
+def test_folders_without_a_run_or_without_its_states(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no saved run"):
-        trajectory.load_run(tmp_path)
+        rw.load_run(tmp_path)
+    RUNS["rigid"]().save(tmp_path)
+    (tmp_path / trajectory.STATES).unlink()
+    with pytest.raises(rw.StateError, match="an earlier version saved"):
+        rw.load_run(tmp_path)
 
 
 def test_progress_and_interruption() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.hierarchy.counterexample import Counterexample
 from rungwise.hierarchy.inputs import Inputs
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit
@@ -107,8 +108,8 @@ def _cost(cost: Cost) -> str:
     return f"{cost.stage} ({cost.steps} steps, {cost.solves} solves; {cost.distance:.1e} away)"
 
 
-@dataclass(frozen=True)
-class Measured:
+@dataclass(frozen=True, eq=False)
+class Measured(ByContent):
     """A pair of models: how near the richer one comes to the simpler (see `Nearest`), and the fits along the
     paths from one to the other."""
 
@@ -163,8 +164,8 @@ class Measured:
         }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, eq=False)
+class Comparison(ByContent):
     """The hierarchy between the models, measured on a scene.
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,

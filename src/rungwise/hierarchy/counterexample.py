@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
 from rungwise.hierarchy.distance import farthest
@@ -29,8 +30,8 @@ from rungwise.world.run import finished, simulation_of
 FORMAT = "rungwise counterexample 1"
 
 
-@dataclass(frozen=True)
-class Side:
+@dataclass(frozen=True, eq=False)
+class Side(ByContent):
     """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and the error
     allowed per step, or the step."""
 
@@ -53,8 +54,8 @@ class Side:
         return run
 
 
-@dataclass(frozen=True)
-class Counterexample:
+@dataclass(frozen=True, eq=False)
+class Counterexample(ByContent):
     """The richer run and the simpler one, how far they are apart, and what fails.
 
     levers: what the difference of each place is multiplied with, to be a part of the extent; `late`: the

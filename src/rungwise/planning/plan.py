@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
@@ -82,8 +83,8 @@ class Check:
         )
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, eq=False)
+class Plan(ByContent):
     """A plan, or what is known where none was found.
 
     segments: the schedule; labels: what each of them is for ("transit", "push", "back", "hold"); moves
@@ -106,7 +107,7 @@ class Plan:
     cost: float = math.nan
     seed: int = 0
     records: tuple[Record, ...] = ()
-    told: tuple[Diagnosis | Deferred, ...] = ()
+    told: tuple[Diagnosis | Deferred, ...] = field(default=(), compare=False)
     checks: tuple[Check, ...] = ()
     reason: str = ""
     version: str = ""

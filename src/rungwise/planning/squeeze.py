@@ -21,6 +21,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.content import ByContent
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.plain import brief
@@ -31,8 +32,8 @@ _SAME = 1e-9
 Reals = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SqueezeFunction:
+@dataclass(frozen=True, eq=False)
+class SqueezeFunction(ByContent):
     """What squeezes do to a part whose convex hull has these `vertices` (k, 2), given at the angle 0.
 
     `flush` (m,) are the orientations in 0..pi at which an edge is flush with a jaw, and `spans` (m, 2) what
@@ -100,8 +101,8 @@ class Step(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True)
-class SqueezePlan:
+@dataclass(frozen=True, eq=False)
+class SqueezePlan(ByContent):
     """Squeezes that orient a part, whatever its orientation at the start.
 
     `angles` are the directions in which the jaws close, one after the other, in the world; `final` is the

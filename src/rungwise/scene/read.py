@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from rungwise.keywords import keywords
 from rungwise.scene import scene as planar
@@ -12,11 +12,17 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import Scene
-from rungwise.scene.space import is_space, load_space
+from rungwise.scene.space import SpaceScene, is_space, load_space
 from rungwise.scene.space.read import shipped_in_space
 from rungwise.scene.worlds import is_of_world, load_of_world
 
 
+@overload
+def load(source: Scene) -> Scene: ...
+@overload
+def load(source: SpaceScene) -> SpaceScene: ...
+@overload
+def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene: ...
 @keywords
 def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
     """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping;
@@ -51,4 +57,12 @@ def load_planar(source: AnyScene | str | Path | Mapping[str, Any]) -> Scene:
     scene = load(source)
     if not isinstance(scene, Scene):
         raise SceneError(f"scene: {scene.name} is not planar; this is known of planar scenes only")
+    return scene
+
+
+def load_in_space(source: AnyScene | str | Path | Mapping[str, Any]) -> SpaceScene:
+    """A scene in space. Raises SceneError as `load` does, and for scenes of other worlds."""
+    scene = load(source)
+    if not isinstance(scene, SpaceScene):
+        raise SceneError(f"scene: {scene.name} is not in space; this is known of scenes in space only")
     return scene

@@ -71,7 +71,7 @@ class Bound:
         return float(self.records.world[0]["step"])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One manipulation task: the file as read, and the template that kernels bind."""
 
@@ -80,6 +80,13 @@ class Scene:
     world: ClassVar[str] = "rungwise.world.planar"
     self_contained: ClassVar[bool] = True
     farthest: ClassVar[float] = FARTHEST
+
+    def __eq__(self, other: object) -> bool:
+        """Scenes of one class are equal where their content is."""
+        return self.content == other.content if isinstance(other, Scene) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.content)
 
     @property
     def name(self) -> str:

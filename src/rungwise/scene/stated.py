@@ -91,7 +91,7 @@ class Numbers:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StatedScene:
     """A scene that has been read: its file, and the names that expressions may use. See `AnyScene`; what
     derives from it says its `world`, and where it starts."""
@@ -101,6 +101,17 @@ class StatedScene:
     world: ClassVar[str]
     self_contained: ClassVar[bool] = True
     farthest: ClassVar[float] = FARTHEST
+
+    def __eq__(self, other: object) -> bool:
+        """Scenes of one class are equal where their content is."""
+        return self.content == other.content if type(self) is type(other) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.content)
+
+    def __init_subclass__(cls) -> None:
+        # dataclass keeps what a class has, and gives it no equality by fields
+        cls.__eq__, cls.__hash__ = StatedScene.__eq__, StatedScene.__hash__  # type: ignore[method-assign]
 
     @property
     def name(self) -> str:

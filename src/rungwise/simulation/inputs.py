@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
@@ -29,8 +30,8 @@ class ScheduleError(InputError):
     """A schedule of inputs is wrong; the text is one line that names the field."""
 
 
-@dataclass(frozen=True)
-class Segment:
+@dataclass(frozen=True, eq=False)
+class Segment(ByContent):
     """A part of a schedule: values of inputs by name (an input not named stays as it is), and its duration.
 
     A segment with `ramp` takes the inputs to the values linearly, over the duration. One with `until` ends

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
@@ -43,8 +44,8 @@ def moving_rung(model: Rung | str) -> Rung:
     return chosen
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunOptions(ByContent):
     """Options of a run, checked. Raises ModelError that names the option out of its range.
 
     Args:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from rungwise.contact.judge import Certificate
 from rungwise.keywords import keywords
@@ -108,8 +111,24 @@ class Record:
 
     @keywords
     def save(self, folder: str | Path) -> Path:
-        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
-        return save(folder, self.trajectory, self.summary())
+        """Write the run into `folder`, whole or not at all; `rungwise.load_run` reads it. Raises OSError,
+        and ValueError for a run that never began."""
+        return save(folder, self.trajectory, self.summary(), self._kept())
+
+    def _kept(self) -> dict[str, np.ndarray[Any, Any]]:
+        """What neither trajectory nor summary hold, as arrays."""
+        memories = [state.memory.values for state in self.states if state.memory is not None]
+        proof = self.certificate
+        told = None
+        if proof is not None:
+            told = [proof.kind, [vector.tolist() for vector in proof.vectors], proof.modes]
+        return {
+            "memory": np.concatenate(memories),
+            "lengths": np.array([len(memory) for memory in memories]),
+            "inertia": np.array(self.model.inertia),
+            "theta": np.array(self.theta),
+            "certificate": np.array(json.dumps(told)),
+        }  # fmt: skip
 
 
 def by_body(names: Iterable[str], values: Iterable[float]) -> dict[str, dict[str, float]]:

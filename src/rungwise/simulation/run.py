@@ -30,7 +30,7 @@ from rungwise.simulation.reasons.reasons import JAM as JAM
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
-from rungwise.simulation.state import check_state
+from rungwise.simulation.state import State, check_state
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 from rungwise.system.planar.place import start
 
@@ -143,6 +143,14 @@ class Simulation(Turns):
         return reduce(add, (segment.duration for segment in self.inputs), began)
 
     @property
+    def state(self) -> State:
+        """The state that the run has come to; before the first step the start. Raises ValueError for a run
+        that cannot begin."""
+        if self.workspace is not None and self.outcome == Code.RUNNING:
+            self._load(self.workspace)
+        return super().state
+
+    @property
     def time(self) -> float:
         """Simulated time so far."""
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
@@ -163,11 +171,15 @@ class Simulation(Turns):
         if self.outcome == Code.RUNNING:
             self.deadline.look()
 
+    def _load(self, workspace: Workspace) -> None:
+        """Load the loop before the clock starts, and record the start."""
+        if workspace.state.clock[0]["frames"] == 0:
+            self._take(0, np.zeros(1, np.int64), workspace)
+
     def _turned(self, steps: int | None, workspace: Workspace) -> None:
         """One turn, and where it ended the run, why."""
+        self._load(workspace)
         signals = np.zeros(1, np.int64)
-        if workspace.state.clock[0]["frames"] == 0:
-            self._take(0, signals, workspace)  # loads the loop before the clock starts
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
             alarm = threading.Timer(TURN_S, signals.fill, (1,))

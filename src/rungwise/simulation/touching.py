@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.keywords import keywords
 from rungwise.plain import brief
 from rungwise.simulation.options import ModelError
@@ -15,8 +16,8 @@ from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POI
 from rungwise.wording import choices
 
 
-@dataclass(frozen=True)
-class Touching:
+@dataclass(frozen=True, eq=False)
+class Touching(ByContent):
     """Contacts of one body: where (k, 2), normals into the body (k, 2), friction (k,), the other bodies."""
 
     points: NDArray[np.float64]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.contact.step import NAMES
-from rungwise.keywords import keywords
 from rungwise.plain import json_text
 from rungwise.simulation.planar.state.workspace import SCALARS, recorded
 from rungwise.stored import store_dataset, whole
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 MEASURES = ("along", "across", "angle")
 STORE = "trajectory.zarr"
 SUMMARY = "run.json"
+STATES = "states.npz"
 
 
 def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -> xarray.Dataset:
@@ -87,21 +88,32 @@ def _labels(names: Sequence[str]) -> np.ndarray[Any, Any]:
     return np.array(names, dtype=object)
 
 
-def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, object]) -> Path:
-    """Write trajectory and summary into `folder`, whole or not at all: each part is renamed into place.
+def save(
+    folder: str | Path,
+    trajectory: xarray.Dataset,
+    summary: dict[str, object],
+    states: Mapping[str, NDArray[Any]],
+) -> Path:
+    """Write trajectory, summary and states into `folder`, whole or not at all: each part is renamed into
+    place.
 
     Raises OSError when the folder cannot be written.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    with whole(target / SUMMARY) as text, whole(target / STORE) as store:
+    with (
+        whole(target / SUMMARY) as text,
+        whole(target / STORE) as store,
+        whole(target / STATES) as kept,
+        kept.open("wb") as stream,
+    ):
         store_dataset(trajectory, store)
         text.write_text(json_text(summary, indent=1), "utf-8")
+        np.savez_compressed(stream, **states)  # type: ignore[arg-type]
     return target
 
 
-@keywords
-def load_run(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
+def read_saved(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
     """Trajectory and summary of a saved run. Raises FileNotFoundError when the folder holds none."""
     import xarray as xr
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.simulation.trajectory import load_run
+from rungwise.simulation.trajectory import read_saved
 from rungwise.viewing.plane import html as planar
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
@@ -64,7 +64,7 @@ def drawer_of_saved(folder: Path) -> Drawer:
     """What draws the run that was saved in a folder, by the scene that is kept there. Raises ViewError,
     SceneError; where there is no run that names its scene, planar pictures say so."""
     try:
-        data, _ = load_run(folder)
+        data, _ = read_saved(folder)
     except (OSError, ValueError):
         return PLANE
     stored = data.attrs.get("scene_file")

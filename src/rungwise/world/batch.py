@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
@@ -23,8 +24,8 @@ from rungwise.simulation.workers import names_of, outside
 from rungwise.world.find import world_of
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, eq=False)
+class Results(ByContent):
     """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
     of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
 

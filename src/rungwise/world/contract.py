@@ -22,6 +22,7 @@ from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
+    from rungwise.simulation.saved import Saved
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
@@ -298,6 +299,9 @@ class World(Protocol):
 
     def simulation(self, model: Rung | str, **options: Any) -> Any:
         """A run that is taken in turns; options are fields of `RunOptions`."""
+
+    def saved(self, saved: Saved) -> Any:
+        """The run of this scene that a folder holds. Raises StateError where another version saved it."""
 
     def runs(
         self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.deadline import NEVER, Deadline, seconds
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
@@ -31,8 +32,8 @@ SMALLEST = 5e-324
 """Smallest number greater than 0."""
 
 
-@dataclass(frozen=True)
-class Answers:
+@dataclass(frozen=True, eq=False)
+class Answers(ByContent):
     """Whether a condition holds at states, and how clearly.
 
     holds (m,); margin (m,): at least 0 where the condition holds, the greatest or least of its terms as "or"
@@ -55,8 +56,8 @@ class Answers:
     __repr__ = brief
 
 
-@dataclass(frozen=True)
-class Geometry:
+@dataclass(frozen=True, eq=False)
+class Geometry(ByContent):
     """Where bodies are at states: gaps (m, c) between the bodies of `contacts`, negative where they overlap;
     collides (m,): whether bodies overlap, more than they did in the state's own run; poses (m, b, 3) of
     `bodies`: x, y of the centre and the angle, in -pi..pi; in space (m, b, 7): x, y, z of the body's origin

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
@@ -23,13 +24,14 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
+from rungwise.world.any_run import AnyRun
 
 OVER = "limit: the time was over before the run came to its end"
 """Why a run of a rollout ended as `running`."""
 
 
-@dataclass(frozen=True, repr=False)
-class Rolled:
+@dataclass(frozen=True, repr=False, eq=False)
+class Rolled(ByContent):
     """m runs of s segments, of a scene of n_q coordinates and n_v velocities.
 
     outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
@@ -55,8 +57,8 @@ class Rolled:
     speed: Reals
     faults: dict[int, str]
     memory: Reals = field(repr=False)
-    _again: Callable[[int, Deadline], Any] = field(repr=False)
-    _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
+    _again: Callable[[int, Deadline], Any] = field(repr=False, compare=False)
+    _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False, compare=False)
     _theta: float = field(repr=False)
 
     @property
@@ -114,10 +116,11 @@ class Rolled:
         return State(names, self.q[sample, k], self.v[sample, k], time, memory)
 
     @keywords
-    def run(self, sample: int, *, limit: float | None = None) -> Any:
+    def run(self, sample: int, *, limit: float | None = None) -> AnyRun:
         """The same run once more by `simulate`, with trajectory, reason and certificate; after `limit`
         seconds as far as it has come, `running`. Raises InputError for a sample with wrong values."""
-        return self._again(sample, Deadline(seconds(limit)))
+        again: AnyRun = self._again(sample, Deadline(seconds(limit)))
+        return again
 
     @keywords
     def reason(self, sample: int, *, limit: float | None = None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from numpy.typing import ArrayLike
 
@@ -19,7 +19,46 @@ from rungwise.world.arguments import asked
 from rungwise.world.find import world_of
 from rungwise.world.rolled import Rolled
 
+if TYPE_CHECKING:
+    import rungwise
 
+
+class RolloutKeywords(TypedDict, total=False):
+    """Keywords of `rollout`, for type checkers."""
+
+    until: Sequence[str | None] | None
+    ramp: bool | Sequence[bool]
+    parameters: Mapping[str, ArrayLike] | None
+    step: float | None
+    tol: float | None
+    theta: float
+    motion: Mapping[str, float] | None
+    keep: bool
+    budget: int | None
+    threads: int | None
+    chunk: int | None
+    limit: float | None
+    on_progress: Callable[[int], None] | None
+
+
+@overload
+def rollout(
+    scene: rungwise.Scene, model: Rung | str, states: States | None = None,
+    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None, durations: ArrayLike | None = None,
+    **options: Unpack[RolloutKeywords],
+) -> rungwise.Rollouts: ...  # fmt: skip
+@overload
+def rollout(
+    scene: rungwise.SpaceScene, model: Rung | str, states: States | None = None,
+    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None, durations: ArrayLike | None = None,
+    **options: Unpack[RolloutKeywords],
+) -> rungwise.SpaceRollouts: ...  # fmt: skip
+@overload
+def rollout(
+    scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, states: States | None = None,
+    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None, durations: ArrayLike | None = None,
+    **options: Unpack[RolloutKeywords],
+) -> Rolled: ...  # fmt: skip
 @keywords
 def rollout(
     scene: AnyScene | str | Path | Mapping[str, Any],

@@ -1,10 +1,10 @@
-"""Running a scene of any world on a rung."""
+"""Running a scene of any world on a rung, and reading runs that were saved."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.keywords import keywords
@@ -13,8 +13,13 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
+from rungwise.simulation.saved import read
 from rungwise.simulation.state import State
+from rungwise.world.any_run import AnyRun
 from rungwise.world.find import world_of
+
+if TYPE_CHECKING:
+    import rungwise
 
 
 def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any) -> Any:
@@ -53,6 +58,48 @@ def _finished(simulation: Any, on_progress: Callable[[Any], None] | None) -> Any
     return simulation.result()
 
 
+def repeated(
+    scene: AnyScene,
+    model: Rung,
+    options: dict[str, Any],
+    of_sample: Callable[[Any, int], dict[str, Any]],
+    sample: int,
+    deadline: Deadline,
+) -> Any:
+    """The run of one sample of many, by its own options, or as far as it has come by the deadline."""
+    given = options | of_sample(scene, sample)
+    return finished(simulation_of(scene, model, **given), None, deadline)
+
+
+class RunKeywords(TypedDict, total=False):
+    """Keywords of `simulate`, for type checkers."""
+
+    parameters: Mapping[str, float] | None
+    step: float | None
+    tol: float | None
+    duration: float | None
+    span: float | None
+    theta: float
+    motion: Mapping[str, float] | None
+    state: State | None
+    inputs: Schedule | None
+    frames: int
+    stride: int | None
+    save_hard: str | Path | None
+    limit: float | None
+    on_progress: Callable[[Any], None] | None
+
+
+@overload
+def simulate(scene: rungwise.Scene, model: Rung | str, **options: Unpack[RunKeywords]) -> rungwise.Run: ...
+@overload
+def simulate(
+    scene: rungwise.SpaceScene, model: Rung | str, **options: Unpack[RunKeywords]
+) -> rungwise.SpaceRun: ...
+@overload
+def simulate(
+    scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Unpack[RunKeywords]
+) -> AnyRun: ...
 @keywords
 def simulate(
     scene: AnyScene | str | Path | Mapping[str, Any],
@@ -72,7 +119,7 @@ def simulate(
     save_hard: str | Path | None = None,
     limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
-) -> Any:
+) -> AnyRun:
     """Run `scene`, or what `load` makes of it, on `model` to its outcome; options are those of `RunOptions`.
     Returns a `Run`, of a scene in space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
 
@@ -87,4 +134,18 @@ def simulate(
         theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
         stride=stride, save_hard=save_hard,
     )  # fmt: skip
-    return finished(simulation, on_progress, deadline)
+    run: AnyRun = finished(simulation, on_progress, deadline)
+    return run
+
+
+@keywords
+def load_run(folder: str | Path) -> AnyRun:
+    """The run that `Run.save`, or ``rungwise sim --out``, wrote into `folder`: a `Run`, or a `SpaceRun` of a
+    scene in space. It has its trajectory, states and certificate, and other runs go on from its states.
+
+    What belongs to the last step alone (`Run.problem`) is not kept. Raises FileNotFoundError where the folder
+    holds no run, and StateError where another version saved it.
+    """
+    saved = read(folder)
+    run: AnyRun = world_of(load(saved.scene_data)).saved(saved)
+    return run

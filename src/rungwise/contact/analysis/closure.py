@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.content import ByContent
 from rungwise.keywords import keywords
 from rungwise.plain import brief
 
@@ -22,8 +23,8 @@ _SMALL = 1e-9
 that count as zero. Chosen by trial, to a decade, far above rounding."""
 
 
-@dataclass(frozen=True)
-class Closure:
+@dataclass(frozen=True, eq=False)
+class Closure(ByContent):
     """Whether a set of contacts closes, and why.
 
     `wrenches` (3, m): force and moment over `length` about `centre`, of unit forces, one column for each

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.deadline import LimitError, TimeOver
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
@@ -45,8 +46,8 @@ KEPT = 0.98
 """A design may drift as long as its rate stays at this part of its best one."""
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, eq=False)
+class Design(ByContent):
     """Parameters with which a scene succeeds best, on a rung.
 
     values: of the parameters designed, by name; box: the intervals searched; how: "in the middle of the set"

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
@@ -53,8 +54,8 @@ class Watch(NamedTuple):
 _ALONE = Watch()
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, eq=False)
+class Diagnosis(ByContent):
     """Where two motions part, and why.
 
     before, after: the rungs; causes: the ingredients of the least change that closes the gap, empty where

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.cluster import Cluster
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
@@ -48,8 +49,8 @@ _Told: TypeAlias = "Callable[[int], None] | None"
 _Runner: TypeAlias = "Callable[..., tuple[Ints, Reals]]"
 
 
-@dataclass(frozen=True)
-class Sample:
+@dataclass(frozen=True, eq=False)
+class Sample(ByContent):
     """One sample that failed: its number, outcome, margin, parameters and errors of inputs."""
 
     number: int
@@ -59,8 +60,8 @@ class Sample:
     inputs: dict[str, float]
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, eq=False)
+class Verification(ByContent):
     """What came of n samples of a plan on a rung; of one, the plan as it is, where nothing is uncertain.
 
     successes: of `samples`; lower: the one-sided Clopper-Pearson bound of the rate of success at 95 %, upper:

@@ -13,7 +13,7 @@ from rungwise.sets.cells.tree import Tree
 from rungwise.sets.motions import SLOWEST
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelledBox(LabelledSet):
     """Labels over a box of parameters: what a `FeasibleSet` is made of, which says what the fields are."""
 

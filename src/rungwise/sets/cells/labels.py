@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -66,8 +67,8 @@ def labels(outcomes: Ints) -> Ints:
     return np.asarray(_TABLE[outcomes])
 
 
-@dataclass(frozen=True)
-class LabelledSet(ABC):
+@dataclass(frozen=True, eq=False)
+class LabelledSet(ByContent, ABC):
     """Labels over a box (d, 2) of parameters or states, and what can be asked of all such sets."""
 
     scene: AnyScene

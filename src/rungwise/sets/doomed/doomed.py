@@ -54,7 +54,7 @@ doomed."""
 POINTS = 100_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DoomedSet(LabelledSet):
     """Labels (n1, ..., nd) of cells over a box of states: `DOOMED`; `INVALID` where every vertex about the
     cell is no state (bodies overlap); `UNKNOWN` otherwise.

@@ -67,7 +67,7 @@ class Certified:
     delta: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FeasibleSet(LabelledBox):
     """Labels over a box of parameters, and what can be asked of them.
 

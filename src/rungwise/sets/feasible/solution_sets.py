@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -16,8 +17,8 @@ from rungwise.sets.feasible.feasible import BUDGET, FeasibleSet, feasible_set
 from rungwise.sets.motions import GUARANTEED, POSSIBLE, SLOWEST
 
 
-@dataclass(frozen=True)
-class SolutionSets:
+@dataclass(frozen=True, eq=False)
+class SolutionSets(ByContent):
     """Where the slowest motion, some of the motions tried, and all of them reach the goal (see
     `rungwise.sets.motions`)."""
 

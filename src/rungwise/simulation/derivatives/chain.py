@@ -38,7 +38,7 @@ Array: TypeAlias = NDArray[np.float64]
 WHOLE = "all steps and their differences were taken"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class RunSensitivity(PlanarSensitivity):
     """The state after steps, at `time`, and its derivatives (see `PlanarSensitivity`); inputs are the same in
     all steps. `weak` are the numbers of steps with a contact about to change its mode: if there are any,

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
@@ -27,8 +28,8 @@ _STEP = 1e-5
 of double precision, where rounding and curvature err alike in central differences."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EndSensitivity:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EndSensitivity(ByContent):
     """The state `q`, `v` (n,) that steps lead to, and the derivatives dq, dv (n, m) by kind of unknown: "q",
     "v" and "deformation" at the start, "inputs", and "parameters" in the order of `names`. NaN where nothing
     determines the derivative."""

@@ -42,7 +42,7 @@ _SAME = 1e-11
 trial, to a decade."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class PlanarSensitivity(EndSensitivity):
     """The `deformation` (slots, 2) beside q and v, and its derivatives ddeformation (2 slots, m); inputs are
     the speed of a prescribed coordinate and a force on any other."""
@@ -51,7 +51,7 @@ class PlanarSensitivity(EndSensitivity):
     ddeformation: dict[str, Array]
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class StepSensitivity(PlanarSensitivity):
     """A step from (q, v), and the derivatives of its end (see `PlanarSensitivity`).
 

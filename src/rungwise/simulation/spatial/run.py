@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
+from rungwise.scene.read import load_in_space
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.begin import Fault
@@ -32,12 +34,19 @@ class SpaceSimulation(MovingSimulation):
     run_of: ClassVar[Callable[..., Any]] = SpaceRun
 
     def __init__(
-        self, scene: SpaceScene, model: Rung | str, *, prepared: Prepared | None = None, **options: Any
+        self,
+        scene: SpaceScene | str | Path | Mapping[str, Any],
+        model: Rung | str,
+        *,
+        prepared: Prepared | None = None,
+        **options: Any,
     ) -> None:
-        def prepare(parameters: dict[str, float]) -> Any:
-            return Prepared.of(scene, parameters) if prepared is None else prepared
+        loaded = load_in_space(scene)
 
-        super().__init__(scene, model, prepare, **options)
+        def prepare(parameters: dict[str, float]) -> Any:
+            return Prepared.of(loaded, parameters) if prepared is None else prepared
+
+        super().__init__(loaded, model, prepare, **options)
         if self.stepper is not None:
             self._turning = Turning(self.space, self.model.inertia)
 

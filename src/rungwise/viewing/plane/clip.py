@@ -128,7 +128,7 @@ def clip(source: Run | str | Path) -> Clip:
         except ValueError as error:
             raise SceneError(f"view: {error}") from None
     try:
-        data, summary = saved.load_run(source)
+        data, summary = saved.read_saved(source)
     except (OSError, ValueError) as error:
         raise SceneError(f"view: {error}") from None
     file = data.attrs.get("scene_file")

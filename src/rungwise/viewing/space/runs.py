@@ -11,7 +11,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import load_space
 from rungwise.scene.space.model import library
-from rungwise.simulation.trajectory import load_run
+from rungwise.simulation.trajectory import read_saved
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
 from rungwise.viewing.space.mjcf import film_of_model
 
@@ -28,12 +28,14 @@ def film_of(source: Any) -> Film:
     """The film of a run, or of a folder of one: poses, contacts, and curves of gaps and normal forces of the
     bodies that met. Raises FilmError for a run that never began."""
     if isinstance(source, str | Path):
-        data, told = load_run(source)
+        data, told = read_saved(source)
         scene = load_space(json.loads(data.attrs["scene_file"]))
         return _film(scene, scene.bind(told["parameters"]).model, data, tuple(told["notes"]))
-    if source.space is None or not source.frames:
+    if not source.began:
         raise FilmError(f"run: did not begin: {source.reason}")
-    return _film(source.scene, source.space.model, source.trajectory, source.notes)
+    space = source.space
+    model = source.scene.bind(source.parameters).model if space is None else space.model
+    return _film(source.scene, model, source.trajectory, source.notes)
 
 
 def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes: tuple[str, ...]) -> Film:

@@ -20,10 +20,10 @@ from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told
 from rungwise.world.moving.runs import MOST, PARTS, MovingRuns, columns, sampled
 from rungwise.world.rolled import Rolled
-from rungwise.world.run import finished, simulation_of
+from rungwise.world.run import repeated
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class MovingRollouts(Rolled):
     """Rollouts as of `Rolled`."""
 
@@ -55,18 +55,11 @@ def rollout(
     found = sampled(terms, samples, m, processes, size, on_progress)
     faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
     ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
-
-    def of_sample(i: int) -> dict[str, Any]:
-        return options | wanted.options(scene, i)
-
-    def again(i: int, deadline: Deadline) -> Any:
-        return finished(simulation_of(scene, model, **of_sample(i)), None, deadline)
-
     return kind(
         scene=scene, model=model, **columns(found),
         worst_residual=np.array([each.residual for each in found]),
         final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
-        faults=faults, memory=ends.memory, _again=again,
+        faults=faults, memory=ends.memory, _again=partial(repeated, scene, model, options, wanted.options),
         _schedules=partial(wanted.schedule, scene), _theta=options["theta"], _ends=ends,
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ from rungwise.scene import SceneError
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.run import MovingSimulation
+from rungwise.simulation.saved import Saved, moving_run
 from rungwise.world.arguments import Asked
 from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT, OBSTACLE, OTHER_SHAPES, ROBOT, Told
@@ -52,6 +53,9 @@ class MovingWorld(ABC):
 
     def simulation(self, model: Rung | str, **options: Any) -> MovingSimulation:
         return MovingSimulation(self.scene, model, self.prepare, **options)
+
+    def saved(self, saved: Saved) -> MovingRun:
+        return moving_run(MovingRun, self.scene, saved)
 
     def runs(
         self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, **options: Any

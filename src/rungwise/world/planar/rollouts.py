@@ -24,16 +24,16 @@ from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
 from rungwise.world.planar.runs import columns, proved
 from rungwise.world.rolled import Rolled
-from rungwise.world.run import finished
+from rungwise.world.run import repeated
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Rollouts(Rolled):
     """Rollouts of a planar scene of n coordinates, as of `Rolled`; with `keep` there are also modes and
     forces of contact points at the ends of segments."""
 
     scene: Scene
-    _like: Like = field(repr=False)
+    _like: Like = field(repr=False, compare=False)
 
     @property
     def points(self) -> list[str]:
@@ -81,9 +81,7 @@ def rollout(
         keeps=keep, chunk=CHUNK if chunk is None else chunk, deadline=deadline, on_progress=on_progress,
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)
-
-    def again(i: int, deadline: Deadline) -> Any:
-        return finished(Simulation(scene, rung, **of_sample(i)), None, deadline)
+    again = partial(repeated, scene, rung, options, wanted.options)
 
     told = columns(found)
     told["outcome"] = proved(

@@ -9,6 +9,7 @@ from typing import ClassVar
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
 from rungwise.simulation.run import Simulation
+from rungwise.simulation.saved import planar_run
 from rungwise.world.contract import OUTLINES
 from rungwise.world.moving.marks import coordinates_of
 from rungwise.world.parts import of_scene
@@ -38,6 +39,7 @@ class PlanarWorld:
     replanning_steps: ClassVar[int] = 300_000
 
     simulation = of_scene(Simulation)
+    saved = of_scene(planar_run)
     runs = of_scene(PlanarRuns)
     rollout = of_scene(rollout)
     place = of_scene(PlanarPlace)

@@ -11,7 +11,7 @@ from rungwise.world.moving.rollouts import rollout as moving_rollout
 from rungwise.world.spatial.runs import SpatialRuns
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class SpaceRollouts(MovingRollouts):
     """Rollouts of a scene in space, as of `Rolled`."""
 

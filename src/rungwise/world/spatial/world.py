@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.saved import moving_run
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import SOLIDS
 from rungwise.world.parts import of_scene
@@ -33,6 +36,7 @@ class SpatialWorld:
     replanning_steps: ClassVar[int] = 10_000
 
     simulation = of_scene(SpaceSimulation)
+    saved = of_scene(partial(moving_run, SpaceRun))
     runs = of_scene(SpatialRuns)
     rollout = of_scene(rollout)
     place = of_scene(SpatialPlace)
