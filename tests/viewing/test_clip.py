@@ -139,7 +139,7 @@ def test_saved_run_without_its_scene_is_refused_in_one_line(tmp_path: Path) -> N
     run = rw.simulate(rw.load(PUSHER), "kinematic", duration=0.1)
     data = run.trajectory
     del data.attrs["scene_file"]
-    trajectory.save(tmp_path, data, run.summary())
+    trajectory.save(tmp_path, data, run.summary(), {})
     with pytest.raises(rw.SceneError, match="'pusher' is no file and no scene that ships"):
         clip(tmp_path)
 
