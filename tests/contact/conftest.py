@@ -130,7 +130,7 @@ def _run(
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves)
     else:
-        status = int(solve_by_enumeration(p, sizes, out, room, TOLERANCE) > TOLERANCE)
+        status = int(solve_by_enumeration(p, sizes, out, room, False, TOLERANCE) > TOLERANCE)
     found = residual(p, sizes, out)
     return int(status), Candidate(out.v, out.force, out.tau, float(found), modes)
 

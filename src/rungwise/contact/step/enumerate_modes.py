@@ -2,7 +2,8 @@
 
 Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes;
 sliding has two senses in the plane, so 4^n here).
-Accepts: planar problems with at most `MAX_MODES` modes.
+Accepts: planar problems with at most `MAX_MODES` modes, or so many of the contacts that touch where the step
+begins; the others then stay open, which a step that is short enough lets them do.
 Promises: a solution whenever some mode's system is regular and solves the problem.
 """
 
@@ -14,32 +15,49 @@ from rungwise.contact.step.mode_newton import solve_mode
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, kernel
+from rungwise.kernel import Ints, inner_kernel, kernel
 
 MAX_MODES = 5000
 """Modes that are tried, one after another, at most."""
 
 
 @kernel
-def mode_count(contacts: int, limited: int) -> float:
-    """Number of modes, as a float: it grows fast."""
-    return 4.0**contacts * 3.0**limited
+def mode_count(problem: ContactProblem, sizes: Sizes, touching: bool) -> float:
+    """Number of modes of all contacts, or of those that touch; as a float: it grows fast."""
+    count = 3.0**sizes.limited
+    for k in range(sizes.contacts):
+        count *= 4.0 if _may_push(problem, k, touching) else 1.0
+    return count
+
+
+@inner_kernel
+def _may_push(p: ContactProblem, k: int, touching: bool) -> bool:
+    """Whether contact k has modes beside OPEN: where only those that are `touching` count, it is closed, or
+    overlaps, where the step begins."""
+    return bool(not touching or p.w[2 * k] <= p.quantum[0])
 
 
 @kernel
 def solve_by_enumeration(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, tolerance: float
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    room: Elimination,
+    touching: bool,
+    tolerance: float,
 ) -> float:
-    """Find the first mode whose solution has a residual within `tolerance`; returns that residual, or the
-    least residual met."""
+    """Find the first mode, of all contacts or of those `touching`, whose solution has a residual within
+    `tolerance`; returns that residual, or the least residual met."""
     contacts, limited = sizes.contacts, sizes.limited
     mode = unknowns.mode
     best = 1e300
-    for index in range(int(mode_count(contacts, limited))):
+    for index in range(int(mode_count(problem, sizes, touching))):
         rest = index
         for k in range(contacts):
-            mode[k] = OPEN + rest % 4
-            rest //= 4
+            mode[k] = OPEN
+            if _may_push(problem, k, touching):
+                mode[k] = OPEN + rest % 4
+                rest //= 4
         for r in range(limited):
             mode[contacts + r] = STICK + rest % 3
             rest //= 3

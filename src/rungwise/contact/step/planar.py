@@ -1,4 +1,5 @@
-"""The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
+"""The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode,
+else every mode of few contacts that touch.
 
 A mode with more closed rows than coordinates is no guess; the mode guess of a large system comes after the
 proximal point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
@@ -76,8 +77,9 @@ def solve_planar(
             found = residual(problem, sizes, unknowns)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, PIVOTING
-    if mode_count(sizes.contacts, sizes.limited) <= MAX_MODES:
-        found = solve_by_enumeration(problem, sizes, unknowns, room, TOLERANCE)
+    touching = mode_count(problem, sizes, False) > MAX_MODES
+    if mode_count(problem, sizes, touching) <= MAX_MODES:
+        found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, ENUMERATION
     _clear(sizes, unknowns)
