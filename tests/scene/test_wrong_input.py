@@ -48,6 +48,7 @@ WHOLE: dict[str, Any] = {
             "inertia": 1.0,
             "force": ["u", "u"],
             "torque": "u",
+            "raised": "u",
         },
         "arm": {
             "role": "robot",

@@ -89,6 +89,7 @@ def many(frames: int, touches: int, bodies: int) -> Clip:
         "gap": rng.normal(size=(frames, 1)),
         "push": rng.normal(size=(frames, 1)),
         "touches": touching,
+        "raised": np.zeros((frames, bodies)),
     }
     return Clip(**{**base.__dict__, **changed})
 

@@ -24,6 +24,7 @@ from rungwise.scene.bind.bind import bind
 from rungwise.scene.drawings.drawing import with_outlines
 from rungwise.scene.errors import SceneError, out_of_range
 from rungwise.scene.fields.fields import Parameter, SceneFile
+from rungwise.scene.fields.lifts import with_lifts
 from rungwise.scene.fields.shapes import MANY, ONE
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import finite, shown
@@ -224,7 +225,7 @@ def read(source: Scene | str | Path | Mapping[str, Any], known: Sequence[str]) -
     data = dict(source) if isinstance(source, Mapping) else _read(source, known)
     folder = Path() if isinstance(source, Mapping) else Path(source).parent
     try:
-        file = with_outlines(SceneFile.model_validate(data), folder)
+        file = with_lifts(with_outlines(SceneFile.model_validate(data), folder))
     except ValidationError as error:
         raise SceneError(explain(error, data)) from None
     except RecursionError:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rungwise.contact.step import NAMES
 from rungwise.plain import json_text
 from rungwise.simulation.planar.state.workspace import SCALARS, recorded
+from rungwise.simulation.raised import raised_in
 from rungwise.stored import store_dataset, whole
 
 if TYPE_CHECKING:
@@ -36,8 +37,9 @@ def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -
     Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds the impulse of each
     point since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
     neither variable. A scene with joints has, for each of their three measures (along and across the axis of
-    the first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
-    `scene_file` is the scene as JSON, as `load` takes it once decoded.
+    the first body, angle), joint_position and the joint_force, or torque, on the second body. Where bodies
+    may be raised off the plane, raised holds the height of each of these. Attribute `scene_file` is the scene
+    as JSON, as `load` takes it once decoded.
     """
     import xarray as xr
 
@@ -63,6 +65,9 @@ def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -
         name = "contact_impulse" if impacts else "contact_force"
         values = frames.impulse[cut] if impacts else recorded(workspace, "force")
         variables[name] = (("time", "point", "direction"), values)
+    heights = raised_in(scene, recorded(workspace, "values"))
+    if heights:
+        variables["raised"] = (("time", "body"), np.stack(list(heights.values()), axis=1))
     for k, name in enumerate(SCALARS):
         variables[name] = (("time",), frames.scalars[cut, k])
     return xr.Dataset(
@@ -73,6 +78,7 @@ def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -
             "contact": _labels(contacts),
             "point": _labels(points),
             **({"measure": _labels(measures)} if measures else {}),
+            **({"body": _labels(tuple(heights))} if heights else {}),
             "direction": _labels(("normal", "tangent")),
         },
         attrs={

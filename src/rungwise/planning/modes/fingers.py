@@ -23,7 +23,8 @@ class Finger:
     """A robot that touches objects: its carrier; its body's number; the columns (k,) of its coordinates;
     numbers of the objects that it may touch; forces with which it presses, at least and at most, of which the
     least is 0 where it is chosen for the object; the part of its friction that it keeps; and the least and
-    the greatest places (2, k) to which its inputs lead it; its arm, if joints lead it."""
+    the greatest places (2, k) to which its inputs lead it; its arm, if joints lead it; the column of the
+    input that raises it off the plane, and how high, if it may pass over objects."""
 
     carrier: Carrier
     body: int
@@ -33,6 +34,7 @@ class Finger:
     reserve: float
     bounds: Reals
     arm: Arm | None = None
+    lift: tuple[int, float] | None = None
 
     @property
     def moved(self) -> Ints:
@@ -81,6 +83,7 @@ def fingers_of(task: Task) -> tuple[Finger, ...]:
                 columns=np.array(carrier.places, np.int64),
                 objects=frozenset(names.index(name) for name in own.objects),
                 press=press, reserve=own.reserve, bounds=own.within, arm=arms.get(own.name),
+                lift=own.lift,
             )
         )  # fmt: skip
     return tuple(found)

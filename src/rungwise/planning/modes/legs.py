@@ -17,7 +17,7 @@ from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import FOLLOW, TOUCH
 from rungwise.world.questions import Question
 
-LEAVE, TRANSIT, HOLD = "leave", "transit", "hold"
+LEAVE, TRANSIT, HOLD, LIFT, LOWER = "leave", "transit", "hold", "lift", "lower"
 """Labels of segments, beside those in `search.layout`."""
 STRAIGHT = 1e-3
 """How far, in parts of the size, aims between two rows may be off the straight line between these."""
@@ -28,11 +28,13 @@ BACK = (1.0, 0.5)
 
 
 class Row(NamedTuple):
-    """Aims (n,) of the fingers' coordinates at the end of a segment, how long it takes, and its label."""
+    """Aims (n,) of the fingers' coordinates at the end of a segment, how long it takes, its label, and the
+    fingers that are raised in it."""
 
     aims: Reals
     duration: float
     label: str
+    raised: frozenset[int] = frozenset()
 
 
 class Layout(NamedTuple):
@@ -51,7 +53,7 @@ class Writer:
     def __init__(self, ground: Ground, question: Question, pace: float) -> None:
         self.ground, self._question, self._pace = ground, question, pace
         self._rows: list[Row] = []
-        self._aims = np.zeros(0)
+        self._aims, self._raised = np.zeros(0), frozenset[int]()
 
     def leg(
         self, seen: Seen, aims: Reals, levels: Reals, leg: Leg, seed: int, budget: Budget
@@ -59,23 +61,10 @@ class Writer:
         """The leg from what touches now, after these aims (n,) and inputs (u,); or why it cannot be laid
         out."""
         ground = self.ground
-        self._rows, self._aims = [], aims
+        self._rows, self._aims, self._raised = [], aims, frozenset()
         held = (seen.held >= 0).astype(np.int64)
-        if leg.changes.any():
-            staying = held * (1 - leg.changes)
-            self._keep(seen, staying)
-            now = self._left(seen, leg.changes * held)
-            if now is None:
-                return "no way"
-            goal = self._before_touch(leg, now)
-            if goal is None:
-                return "no way"
-            moving = np.flatnonzero(leg.changes)
-            way = self._way(now, goal, moving, seed, budget)
-            if way is None:
-                return "no way"
-            for place in way[1:]:
-                self._to(place, moving, TRANSIT)
+        if leg.changes.any() and not self._relocated(seen, leg, held, seed, budget):
+            return "no way"
         self._follow(leg)
         last = self._rows[-1].aims if self._rows else self._aims
         speed = max(finger.carrier.speed for finger in ground.fingers)
@@ -96,13 +85,44 @@ class Writer:
                 found = finger.put(found, finger.drives(q) + torques / finger.carrier.stiffness)
         return found
 
+    def _relocated(self, seen: Seen, leg: Leg, held: Ints, seed: int, budget: Budget) -> bool:
+        """Lead fingers that change places there, straight in the plane, over objects where they may, or
+        around them; False where there is no way."""
+        self._keep(seen, held * (1 - leg.changes))
+        now = self._left(seen, leg.changes * held)
+        goal = None if now is None else self._before_touch(leg, now)
+        if now is None or goal is None:
+            return False
+        moving = np.flatnonzero(leg.changes)
+        raised = frozenset(f for f in moving.tolist() if self.ground.fingers[f].lift is not None)
+        straight = not raised or self._goes_straight(now, goal, moving)
+        for lifted in (frozenset[int](), raised) if straight else (raised, frozenset[int]()):
+            way = self._way(now, goal, moving, seed, budget, lifted)
+            if way is not None:
+                self._lift(lifted, LIFT)
+                for place in way[1:]:
+                    self._to(place, moving, TRANSIT)
+                self._lift(frozenset(), LOWER)
+                return True
+        return False
+
+    def _lift(self, raised: frozenset[int], label: str) -> None:
+        """Raise these fingers, and lower all others, where they are."""
+        moved = raised ^ self._raised
+        if not moved:
+            return
+        fingers = [self.ground.fingers[f] for f in moved]
+        took = max(each.lift[1] / each.carrier.speed for each in fingers if each.lift is not None)
+        self._raised = raised
+        self._rows.append(Row(self._aims, self._pace * took, label, raised))
+
     def _put(self, aims: Reals, label: str, pace: float = 1.0) -> None:
         took = 0.0
         for finger in self.ground.fingers:
             way = float(np.linalg.norm((aims - self._aims)[finger.columns]))
             took = max(took, pace * self._pace * way / finger.carrier.speed)
         if took > 0.0:
-            self._rows.append(Row(aims, took, label))
+            self._rows.append(Row(aims, took, label, self._raised))
             self._aims = aims
 
     def _keep(self, seen: Seen, staying: Ints) -> None:
@@ -159,13 +179,26 @@ class Writer:
             q = found
         return q
 
-    def _way(self, a: Reals, b: Reals, moving: Ints, seed: int, budget: Budget) -> Reals | None:
+    def _way(
+        self, a: Reals, b: Reals, moving: Ints, seed: int, budget: Budget, raised: frozenset[int]
+    ) -> Reals | None:  # fmt: skip
         if any(self.ground.fingers[f].arm is not None for f in moving):
-            return arms_way(self.ground, a, b, moving, seed, budget.is_in_time)
+            return arms_way(self.ground, a, b, moving, seed, budget.is_in_time, self._names(raised))
+        return self._transit(moving, raised).way(a, b, seed, budget.is_in_time)
+
+    def _goes_straight(self, a: Reals, b: Reals, moving: Ints) -> bool:
+        """Whether fingers go straight in the plane; of arms that is not asked."""
+        arms = any(self.ground.fingers[f].arm is not None for f in moving)
+        return not arms and self._transit(moving, frozenset()).goes_straight(a, b)
+
+    def _transit(self, moving: Ints, raised: frozenset[int]) -> Transit:
         carriers = tuple(self.ground.fingers[f].carrier for f in moving)
         within = {finger.carrier.body: finger.bounds for finger in self.ground.fingers}
-        transit = Transit(replace(self.ground.task, carriers=carriers), self._question, within)
-        return transit.way(a, b, seed, budget.is_in_time)
+        task = replace(self.ground.task, carriers=carriers)
+        return Transit(task, self._question, within, self._names(raised))
+
+    def _names(self, fingers: frozenset[int]) -> list[str]:
+        return [self.ground.fingers[f].carrier.body for f in sorted(fingers)]
 
     def _to(self, place: Reals, moving: Ints, label: str) -> None:
         """Lead fingers through free space to a place (n,)."""
@@ -198,13 +231,17 @@ class Writer:
                 own = finger.drives(row.aims)
                 speeds = (own - finger.drives(before)) / row.duration
                 now[list(finger.carrier.columns)] = finger.carrier.levels(speeds[None], own[None])[0]
+            for f, finger in enumerate(self.ground.fingers):
+                if finger.lift is not None:
+                    now[finger.lift[0]] = finger.lift[1] if f in row.raised else 0.0
             found.append(now)
             before = row.aims
         every = np.array(found)
         if not self.ground.task.allows(every).all():
             return "out of the bounds of inputs"
         return Layout(
-            every, np.array([row.duration for row in self._rows]), (by_place,) * len(self._rows),
+            every, np.array([row.duration for row in self._rows]),
+            tuple(by_place and row.label not in (LIFT, LOWER) for row in self._rows),
             tuple(row.label for row in self._rows), before,
         )  # fmt: skip
 

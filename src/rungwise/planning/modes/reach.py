@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
+from rungwise.planning.motion.transit import over_objects
 
 NEAR = 0.25
 """Part of the clearance that arms keep on their way."""
@@ -18,13 +19,15 @@ TURN = 0.02
 
 
 def arms_way(
-    ground: Ground, a: Reals, b: Reals, moving: Ints, seed: int, in_time: Callable[[], bool]
+    ground: Ground, a: Reals, b: Reals, moving: Ints, seed: int, in_time: Callable[[], bool],
+    raised: Collection[str] = (),
 ) -> Reals | None:  # fmt: skip
     """Places (k, n) on the way of fingers (f,), some of them arms, from a (n,) to b (n,), both included; None
-    where no way was found. All else holds still."""
+    where no way was found. All else holds still; those that are raised pass over objects."""
     fingers = [ground.fingers[f] for f in moving]
     names, bodies = ground.task.scene.template.contacts, {finger.carrier.body for finger in fingers}
-    own = [k for k, pair in enumerate(names) if bodies & set(pair)]
+    over = over_objects(ground.task, raised)
+    own = [k for k, pair in enumerate(names) if bodies & set(pair) and k not in over]
     low = np.concatenate([_range(ground, int(f))[0] for f in moving])
     high = np.concatenate([_range(ground, int(f))[1] for f in moving])
 

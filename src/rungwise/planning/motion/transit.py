@@ -7,7 +7,7 @@ other bodies hold still.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from rungwise.kernel import Reals
 from rungwise.planning.motion.free_paths import CHECKS, always, grown, shortened
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Carrier
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
 NEAR = 0.25
@@ -24,15 +26,27 @@ DIRECTIONS = 32
 """Directions tried away from what a robot touches."""
 
 
+def over_objects(task: Task, raised: Collection[str]) -> set[int]:
+    """The contacts of the scene that robots do not make while they are raised."""
+    roles = world_of(task.scene).roles(task.parameters)
+    return {
+        k for k, pair in enumerate(task.scene.template.contacts)
+        if any(robot in raised and roles[other] == OBJECT for robot, other in (pair, pair[::-1]))
+    }  # fmt: skip
+
+
 class Transit:
     """Ways of a task's carriers between places, with all else where it is; within the least and greatest
-    places (2, 2) of some of their bodies."""
+    places (2, 2) of some of their bodies. Those that are raised pass over objects."""
 
-    def __init__(self, task: Task, question: Question, within: Mapping[str, Reals]) -> None:
+    def __init__(
+        self, task: Task, question: Question, within: Mapping[str, Reals], raised: Collection[str] = ()
+    ) -> None:  # fmt: skip
         self._task, self._question, self._within = task, question, within
         self._columns = [place for carrier in task.carriers for place in carrier.places]
         contacts, names = task.scene.template.contacts, {carrier.body for carrier in task.carriers}
-        self._own = [k for k, pair in enumerate(contacts) if names & set(pair)]
+        over = over_objects(task, raised)
+        self._own = [k for k, pair in enumerate(contacts) if names & set(pair) and k not in over]
         self._clearance = min((carrier.clearance for carrier in task.carriers), default=0.0)
 
     def way(self, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool] = always) -> Reals | None:
@@ -54,6 +68,12 @@ class Transit:
             lambda a, b: self._is_free(a, b, least), seed, lambda asked: asked <= CHECKS and in_time(),
         )  # fmt: skip
         return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
+
+    def goes_straight(self, q: Reals, goal: Reals) -> bool:
+        """Whether the straight way from q (n,) to the goal (n,) is free."""
+        ends = np.stack([q, goal])
+        least = min(NEAR * self._clearance, 0.5 * float(self._gaps(ends).min(initial=math.inf)))
+        return least > 0.0 and self._is_free(q, goal, least)
 
     def touches(self, rows: Reals) -> NDArray[np.bool_]:
         """Whether something is as near to a carrier at places (m, n) as carriers do not come on their way."""
@@ -94,14 +114,14 @@ class Transit:
         other parts are halved, until they are as short as the least gap."""
         length = self._moved(a, b)
         at = np.array([0.0, 1.0])
-        gaps = self._gaps(np.stack([a, b])).min(axis=1)
+        gaps = self._gaps(np.stack([a, b])).min(axis=1, initial=math.inf)
         while (gaps >= least * (1.0 - 1e-9)).all():
             parts = length * np.diff(at)
             unsure = np.flatnonzero((gaps[:-1] + gaps[1:] - parts < 2.0 * least) & (parts > least))
             if not len(unsure):
                 return True
             middle = 0.5 * (at[unsure] + at[unsure + 1])
-            asked = self._gaps(a + middle[:, None] * (b - a)).min(axis=1)
+            asked = self._gaps(a + middle[:, None] * (b - a)).min(axis=1, initial=math.inf)
             at, gaps = np.insert(at, unsure + 1, middle), np.insert(gaps, unsure + 1, asked)
         return False
 

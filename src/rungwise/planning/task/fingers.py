@@ -43,7 +43,8 @@ class Finger:
     greatest place of its centre, infinite where nothing bounds it; clearance: its distance from all else on
     its ways; contacts: most places of contact with objects at a time; reserve: part of friction that it keeps
     in hand (forces stay within (1 - reserve) mu); over: whether it may pass above objects, off the plane;
-    driven: which numbers lead it, and how its inputs give them.
+    lift: then the column of the input that raises it, and how high plans raise it; driven: which numbers lead
+    it, and how its inputs give them.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Finger:
     contacts: int
     reserve: float
     over: bool
+    lift: tuple[int, float] | None
     driven: Driven
 
     @property
@@ -113,6 +115,7 @@ def with_fingers(task: Task) -> Task:
         return task
     found = fingers_of(task)
     led = {name for finger in found for name in finger.inputs}
+    led |= {task.scene.template.inputs[k] for k in task.lifting}
     if not found or led != set(task.scene.template.inputs) or any(finger.is_rigid for finger in found):
         return task
     if not np.isfinite(task.rate).all():
@@ -131,10 +134,10 @@ def demand_known(task: Task) -> None:
 
 def _not_known(finger: Finger) -> Iterator[str]:
     """What a task asks of a finger that no plan makes it do."""
-    if finger.over:
+    if finger.over and finger.lift is None:
         yield (
-            f"{finger.name} may pass over objects, and no plan leads it so: runs in the plane know no height;"
-            " leave over out, and it goes around them"
+            f"{finger.name} may pass over objects, off the plane; in space its joints lead it there; leave"
+            " over out"
         )
     if finger.contacts > 1:
         yield (
@@ -204,13 +207,33 @@ def _finger(task: Task, here: Instance, name: str, said: _Said) -> Finger:
     if clearance is None:
         clearance = min(OF_REACH * own.reach or math.inf, OF_SIZE * task.size)
     fields = task.scene.file.task.fingers.get(path.removeprefix("task.fingers."))
+    over = fields is not None and fields.over
     return Finger(
         name=name, inputs=tuple(task.scene.template.inputs[k] for k in own.columns), objects=objects,
         speed=_speed(task, here, own) if said.speed is None else said.speed,
         press=_press(own, path, numbers, [here.loads[each] for each in objects if each in here.loads]),
         within=_within(task, own, path), clearance=clearance, contacts=int(contacts),
-        reserve=numbers.get(f"{path}.reserve", RESERVE), over=fields is not None and fields.over, driven=own,
+        reserve=numbers.get(f"{path}.reserve", RESERVE), over=over, driven=own,
+        lift=_lift(task, name, path, clearance) if over else None,
     )  # fmt: skip
+
+
+def _lift(task: Task, name: str, path: str, clearance: float) -> tuple[int, float] | None:
+    """The column of the input that raises a finger, and how high plans raise it: by its clearance, as far as
+    the input goes. None in space. Raises TaskError where no input of its own does that alone."""
+    if world_of(task.scene).shapes != OUTLINES:
+        return None
+    names, bodies = task.scene.template.inputs, task.planar.file.bodies
+    raised = bodies[name].raised
+    column = names.index(raised) if isinstance(raised, str) and raised in names else -1
+    alone = [other for other, body in bodies.items() if body.raised == raised] == [name]
+    suits = column in task.lifting and alone and task.high[column] > 0.0 >= task.low[column]
+    if not suits or task.parameters[names[column]] != 0.0:
+        raise TaskError(
+            f"{path}.over: bodies.{name}.raised must be an input of its own that is 0 at the start and drives"
+            f" nothing else, not {raised!r}; leave raised out, and one is made"
+        )
+    return column, min(clearance, float(task.high[column]))
 
 
 def _objects(task: Task, name: str, said: _Said) -> tuple[str, ...]:

@@ -126,9 +126,25 @@ class Task:
 
     @property
     def free(self) -> Ints:
+        """Columns of the inputs that no carrier uses, and that do not only raise robots off the plane."""
+        return np.array([k for k in self._unled if k not in self.lifting], np.int64)
+
+    @property
+    def _unled(self) -> list[int]:
         """Columns of the inputs that no carrier uses."""
         used = {column for carrier in self.carriers for column in carrier.columns}
-        return np.array([k for k in range(len(self.low)) if k not in used], np.int64)
+        return [k for k in range(len(self.low)) if k not in used]
+
+    @property
+    def lifting(self) -> frozenset[int]:
+        """Columns of the inputs that only raise robots off the plane."""
+        if world_of(self.scene).shapes != OUTLINES:
+            return frozenset()
+        readers = self.planar.template.readers
+        return frozenset(
+            k for k, name in enumerate(self.scene.template.inputs)
+            if readers[name] and all(path.endswith(".raised") for path in readers[name])
+        )  # fmt: skip
 
     @property
     def is_led(self) -> bool:
@@ -146,8 +162,8 @@ class Task:
     @property
     def before(self) -> Reals:
         """Inputs (u,) before the first move: those of the instance, 0 where a carrier uses them."""
-        held = np.zeros(len(self.low))
-        held[self.free] = [self.parameters[self.scene.template.inputs[k]] for k in self.free]
+        held, unled = np.zeros(len(self.low)), self._unled
+        held[unled] = [self.parameters[self.scene.template.inputs[k]] for k in unled]
         return held
 
     @property

@@ -88,6 +88,7 @@ class SceneBuilder:
         force: Pair | None = None,
         torque: Number | None = None,
         support: Part | None = None,
+        raised: Number | None = None,
     ) -> None:
         """A rigid body. `pose` is (x, y) or (x, y, angle); a drive may stand for a coordinate that has only
         this."""

@@ -189,7 +189,8 @@ class Support(Strict):
 
 
 class Body(Strict):
-    """A rigid body. Mass, centre and inertia (about it) follow from outline and density if not given."""
+    """A rigid body. Mass, centre and inertia (about it) follow from outline and density if not given. A robot
+    may be `raised` off the plane (a timed height): above 0 it touches no objects."""
 
     role: Literal["robot", "object", "obstacle"]
     shape: Shapes
@@ -203,6 +204,7 @@ class Body(Strict):
     force: Pair = (0.0, 0.0)
     torque: Number = 0.0
     support: Support | None = None
+    raised: Number | None = None
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

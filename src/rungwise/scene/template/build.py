@@ -90,6 +90,7 @@ class _Builder:
         for index, (contact_index, a, b) in enumerate(self.pairs):
             self.records.pairs[index] = (contact_index, a, b)
         self._unused_contacts()
+        self._unused_heights()
         for index in range(len(self.joints)):
             write_joint(self.writer, self.scene, index)
         write_supports(self.writer, self.scene)
@@ -101,7 +102,7 @@ class _Builder:
             if not paths:
                 raise SceneError(
                     f"inputs.{place}: {name} is read by no speed, target or force of a drive, nor by a"
-                    " force on a body"
+                    " force on a body, nor raises one"
                 )
         conditions = [self.names.condition(getattr(self.scene, name), name, name) for name in CONDITIONS[:-1]]
         for index in self.names.read["gap"]:
@@ -277,6 +278,30 @@ class _Builder:
         put("tangential_damping", contact.damping if tangential is None else tangential)
         for field in ("coupling_stiffness", "coupling_damping"):
             self.put("contacts", index, field, getattr(contact, field), f"{path}.{field}")
+        self._raised(index, pair)
+
+    def _raised(self, index: int, pair: tuple[str, str]) -> None:
+        """How high a robot is above an object, where it may be raised."""
+        for robot, other in (pair, pair[::-1]):
+            raised = self.scene.bodies[robot].raised
+            if raised is not None and self.scene.bodies[other].role == "object":
+                self.records.contacts[index]["lifts"] = 1
+                path = f"bodies.{robot}.raised"
+                self.put("contacts", index, "raised", raised, path, at_least=0.0, timed=True)
+
+    def _unused_heights(self) -> None:
+        """What is raised must be a robot that an object may touch."""
+        for name, body in self.scene.bodies.items():
+            if body.raised is None:
+                continue
+            path = f"bodies.{name}.raised"
+            if body.role != "robot":
+                raise SceneError(
+                    f"{path}: only robots are raised off the plane, and {name} is an {body.role}"
+                )
+            others = {other for pair in self.contacts if name in pair for other in pair}
+            if all(self.scene.bodies[other].role != "object" for other in others):
+                raise SceneError(f"{path}: {name} touches no object; no entry of contacts names one with it")
 
     def _unused_contacts(self) -> None:
         """Expressions of entries that hold for no pair must be right, too."""

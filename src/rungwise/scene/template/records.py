@@ -44,11 +44,12 @@ VERTEX = record_type("", "x y normal_x normal_y length")
 """Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""
 
 CONTACT = record_type(
-    "body_a body_b watched weighed",
+    "body_a body_b watched weighed lifts",
     "friction restitution stiffness tangential_stiffness coupling_stiffness"
-    " damping tangential_damping coupling_damping",
+    " damping tangential_damping coupling_damping raised",
 )
-"""`watched`: some condition reads the gap; `weighed`: some condition reads the force."""
+"""`watched`: some condition reads the gap; `weighed`: some condition reads the force; `lifts`:
+one of the bodies may be raised off the plane; `raised`: how high it is: above 0, they do not touch."""
 PAIR = record_type("contact shape_a shape_b", "")
 POTENTIAL = record_type("", "stiffness target")
 TERM = record_type("acts", "factor")

@@ -66,7 +66,8 @@ class Writer:
                 (self.speeds if field == "drive_speed" else self.timed).append((code, target))
                 self.reads_time |= reads_time
                 for name in read:
-                    self.readers[name].append(path)
+                    if path not in self.readers[name]:
+                        self.readers[name].append(path)
             elif read and ".drive." in path:
                 needs = " without a target" if path.endswith("target_speed") else ""
                 raise SceneError(f"{path}: cannot follow the input {read[0]}{needs}")

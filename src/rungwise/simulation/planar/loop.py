@@ -32,7 +32,7 @@ from rungwise.simulation.planar.state.inputs import (
 )
 from rungwise.simulation.planar.state.lasting import DATINGS, REACHED, clear_times, lasts, set_ways
 from rungwise.simulation.planar.state.memory import keep, restore
-from rungwise.simulation.planar.state.nearby import fastest_pair, look
+from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
 from rungwise.simulation.planar.state.passing import thinnest
 from rungwise.simulation.planar.state.verdicts import (
     INVALID,
@@ -121,6 +121,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
+        clock.lifts |= records.contacts[c].lifts
     place(records, state.q, state.placed, True)
     find_seams(records, state.placed, workspace.seams)
     clock.smallest = math.inf
@@ -230,6 +231,11 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
         h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
             return NOT_CONVERGED
+        if clock.lifts and lands(records, workspace):
+            if h <= control[0].step:
+                return INVALID
+            h = max(0.5 * h, control[0].step)
+            continue
         status, h, following = controlled_step(records, inputs, buffer, rung, control, workspace, h)
         if status != TAKEN and workspace.scratch.halt[0] != 0:
             return RUNNING

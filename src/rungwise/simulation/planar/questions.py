@@ -6,7 +6,9 @@ import math
 
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.language.expression import evaluate
+from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import Records
+from rungwise.scene.template.template import Numbers
 from rungwise.simulation.planar.state.lasting import set_ways
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
@@ -17,6 +19,8 @@ from rungwise.system.planar.place import place
 @kernel
 def answer(
     records: Records,
+    numbers: Numbers,
+    buffer: Reals,
     terms: Conditions,
     workspace: Workspace,
     q: Reals,
@@ -29,7 +33,8 @@ def answer(
 ) -> None:
     """At each state, fill in the terms' values (m, k), gaps of contacts (m, c) and poses of bodies
     (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c + u + slots) holds the time, forces and impulses of contacts,
-    the inputs, which expressions read at `columns` (u,), and since when parts of conditions have held."""
+    the inputs, which expressions read at `columns` (u,), and since when parts of conditions have held. Where
+    bodies may be raised, `numbers` write to the scene's `buffer` how high they are."""
     state = workspace.state
     clock, contacts = state.clock[0], gaps.shape[1]
     inputs = 1 + 2 * contacts
@@ -42,6 +47,8 @@ def answer(
         for j in range(columns.shape[0]):
             state.values[columns[j]] = rest[i, inputs + j]
         copy(rest[i, inputs + columns.shape[0] :], state.dates)
+        if clock.lifts:
+            evaluate_numbers(numbers, state.values, workspace.scratch.stack, buffer)
         set_ways(records, state)
         state.manifolds.features[:] = ABSENT
         clock.margin, clock.tried, clock.next = math.inf, 0.0, 0.0

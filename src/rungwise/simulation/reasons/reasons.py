@@ -140,9 +140,22 @@ class Reasons:
         solve_again(rung, length, self.workspace)
         return True
 
+    def _landed(self) -> str:
+        """Which body that was raised came down on which, and when."""
+        state = self.workspace.state
+        k = int(state.clock[0]["landed"])
+        names, bodies = self.scene.template.contacts[k], self.scene.file.bodies
+        robot, other = names if bodies[names[0]].role == "robot" else names[::-1]
+        return (
+            f"{robot} is lowered onto {other}, which it overlaps by {-float(state.manifolds.gaps[k]):.3g}, at"
+            f" t = {float(state.clock[0]['time']):g}; lower it where nothing is"
+        )
+
     def _undefined(self) -> str:
-        """Which number that depends on time is not finite, and when."""
+        """Which number that depends on time is not finite, and when; or why bodies overlap on the way."""
         slot = int(self.workspace.scratch.undefined[0])
+        if slot < 0:
+            return self._landed()
         checks = self.scene.template.checks
         path = checks.paths[checks.slots.tolist().index(slot)]
         value = self.bound.buffer[slot]

@@ -15,6 +15,8 @@ from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import (
     ABSENT,
     GAP,
+    LANDED,
+    LIFTED,
     VERTICES,
     Found,
     Manifolds,
@@ -40,7 +42,8 @@ def find_contacts(
 ) -> float:
     """Update every pair's slots, for bodies that move on with `v` (n,); returns the least gap found.
 
-    Gaps are exact below `margin` and for watched contacts, otherwise a lower bound.
+    Gaps are exact below `margin` and for watched contacts, otherwise a lower bound. A pair of which one body
+    is raised above the other has no points, and its gap is none of the least.
     """
     pairs, outline, gaps, fresh = records.pairs, placed.outline, manifolds.gaps, manifolds.fresh
     least, listed = math.inf, is_listed(manifolds)
@@ -49,6 +52,8 @@ def find_contacts(
         list_near(records, placed, margin, manifolds)
     for c in range(gaps.shape[0]):
         gaps[c] = manifolds.far[c] if listed else math.inf
+        lies = LANDED if manifolds.lifted[c] == LIFTED else 0
+        manifolds.lifted[c] = LIFTED if records.contacts[c].raised > 0.0 else lies
     if seams.joined[0] != 0:
         keep_slots(manifolds, seams)
     for i in range(near_pairs(manifolds, pairs.shape[0])):
@@ -56,6 +61,13 @@ def find_contacts(
         contact = pairs[p].contact
         a, b = records.shapes[pairs[p].shape_a], records.shapes[pairs[p].shape_b]
         slot = 2 * p
+        raised = records.contacts[contact].raised
+        if raised > 0.0:
+            _forget(slot, manifolds)
+            _forget(slot + 1, manifolds)
+            beside = max(_distance(slot, a, b, outline, manifolds), 0.0)
+            gaps[contact] = min(gaps[contact], math.hypot(beside, raised))
+            continue
         gap = 0.0 if records.contacts[contact].watched else _distance_of_circles(a, b, placed)
         if gap > margin:
             _forget(slot, manifolds)
@@ -82,6 +94,15 @@ def find_contacts(
     if seams.joined[0] != 0:
         carry_over(manifolds, outline, seams)
     return least
+
+
+@rare_kernel
+def _distance(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifolds) -> float:
+    """The gap in the plane of two shapes, one of which is raised."""
+    points = manifolds.points[slot : slot + 2]
+    count = manifold(a, b, outline, Found(points, manifolds.fresh))
+    gap = points[0, GAP]
+    return float(min(gap, points[1, GAP]) if count == 2 else gap)
 
 
 @rare_kernel

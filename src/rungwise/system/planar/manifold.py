@@ -29,6 +29,8 @@ UNKNOWN = -1.0
 VERTICES = 1 << 20
 """Feature of a vertex over an edge: edge VERTICES + vertex; features of two vertices are VERTICES^2 and
 more."""
+LIFTED, LANDED = 1, 2
+"""One body of a contact is raised above the other, off the plane; or was a look ago, and is no more."""
 TIE = 1e-9
 """Distance that counts as zero, over the length of an edge or overlap. Chosen by trial, to a decade, far
 above rounding."""
@@ -46,6 +48,7 @@ class Manifolds(Block):
     modes        (2 pairs,)    of the contact there, 0 (open) when its feature changes
     force        (2 pairs, d)  of the contact there in the last step
     gaps         (contacts,)   least gap of all pairs of the contact
+    lifted       (contacts,)   whether one body is raised above the other, or was a look ago
     fresh        (2,)          features of a pair while it is looked at
 
     Of many bodies, those that may come near before some has moved by half the reach of the list (else empty):
@@ -61,6 +64,7 @@ class Manifolds(Block):
     modes: Ints
     force: Reals
     gaps: Reals
+    lifted: Ints
     fresh: Ints
     near: Ints
     listed: Ints
@@ -94,6 +98,7 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
         "modes": np.zeros(slots, np.int64),
         "force": np.zeros((slots, 2)),
         "gaps": np.zeros(len(records.contacts)),
+        "lifted": np.zeros(len(records.contacts), np.int64),
         "fresh": np.zeros(2, np.int64),
         "near": np.zeros(len(records.pairs) if crowded else 0, np.int64),
         "listed": np.zeros(1, np.int64),

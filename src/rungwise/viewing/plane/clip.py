@@ -23,6 +23,7 @@ from rungwise.scene.read import load_planar
 from rungwise.scene.template.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
 from rungwise.simulation.planar.state.workspace import allocate, in_memory
+from rungwise.simulation.raised import raised_in
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
 from rungwise.system.planar import manifold
@@ -82,7 +83,7 @@ class Clip:
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
     (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
     `push` holds, and `units` what is known of the scene's (see `common_units`). A joint is a body and a point
-    of this body, in its own frame.
+    of this body, in its own frame. `raised` (frames, bodies) is how high bodies are above the plane.
     """
 
     scene: str
@@ -103,6 +104,7 @@ class Clip:
     push_is: str
     touches: Touches
     units: Mapping[str, str]
+    raised: NDArray[np.float64]
 
     def thinned(self, frames: NDArray[np.int64]) -> Clip:
         """The clip with these frames only."""
@@ -113,7 +115,7 @@ class Clip:
         touches = Touches(new[t.frame[kept]], t.contact[kept], t.place[kept], t.force[kept], t.mode[kept])
         return replace(
             self, time=self.time[frames], pose=self.pose[frames], gap=self.gap[frames],
-            push=self.push[frames], touches=touches,
+            push=self.push[frames], touches=touches, raised=self.raised[frames],
         )  # fmt: skip
 
 
@@ -146,9 +148,13 @@ def _told(attributes: Mapping[str, Any]) -> str:
 def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
     """Clip of a run's recorded frames (see `trajectory.dataset`)."""
     force, push_is = _forces(data, data["time"].to_numpy())
+    heights = {} if "raised" not in data else {
+        str(name): data["raised"].to_numpy()[:, k] for k, name in enumerate(data["body"].to_numpy())
+    }  # fmt: skip
     return _clip(
         scene, parameters, data.attrs["model"], (data.attrs.get("outcome", ""), _told(data.attrs)),
         data["time"].to_numpy(), data["position"].to_numpy(), data["mode"].to_numpy(), force, push_is,
+        heights,
     )  # fmt: skip
 
 
@@ -159,12 +165,14 @@ def still(scene: Scene, model: Rung, parameters: Mapping[str, float], state: Sta
     like = allocate(bound.records, bound.values, scene.template, 3).state
     mode, force, push_is = like.modes[None], like.force[None], ""
     memory = memory_of(state, digest(scene), like)
+    heights = {}
     if memory is not None:
+        heights = raised_in(scene, in_memory(like, "values", memory.values[None]))
         mode = in_memory(like, "modes", memory.values[None])
         if model.loads and (model.compliant or model.inertia == 0.0):
             force, push_is = in_memory(like, "force", memory.values[None]), "normal force"
     time, q = np.array([state.time]), state.q[None]
-    return _clip(scene, parameters, model.name, ("", ""), time, q, mode, force, push_is)
+    return _clip(scene, parameters, model.name, ("", ""), time, q, mode, force, push_is, heights)
 
 
 def _clip(
@@ -177,10 +185,17 @@ def _clip(
     mode: NDArray[Any],
     force: NDArray[np.float64],
     push_is: str,
+    heights: Mapping[str, NDArray[np.float64]],
 ) -> Clip:
-    """Clip of frames: q (frames, n), mode (frames, points) and force (frames, points, 2)."""
+    """Clip of frames: q (frames, n), mode (frames, points) and force (frames, points, 2), heights (frames,)
+    of bodies that may be raised."""
     records, template = scene.bind(parameters).records, scene.template
-    pose, touches, gap = _replay(records, np.ascontiguousarray(q, float), mode.astype(np.int64), force)
+    raised = np.zeros((len(q), len(template.bodies)))
+    for name, height in heights.items():
+        raised[:, template.bodies.index(name)] = height
+    pose, touches, gap = _replay(
+        records, np.ascontiguousarray(q, float), mode.astype(np.int64), force, raised
+    )
     return Clip(
         scene=scene.name,
         model=model,
@@ -200,6 +215,7 @@ def _clip(
         push_is=push_is,
         touches=touches,
         units=common_units(each.unit for each in scene.file.parameters.values()),
+        raised=raised,
     )
 
 
@@ -241,8 +257,9 @@ def _outlines(records: Records) -> tuple[Outline, ...]:
 
 
 def _replay(
-    records: Records, q: NDArray[np.float64], mode: NDArray[np.int64], force: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], Touches, NDArray[np.float64]]:
+    records: Records, q: NDArray[np.float64], mode: NDArray[np.int64], force: NDArray[np.float64],
+    raised: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], Touches, NDArray[np.float64]]:  # fmt: skip
     """Poses, contact points and gaps of each frame, by the kernels of the planar system."""
     count, slots = len(q), 2 * len(records.pairs)
     if len(records.pairs) <= EXACT:
@@ -256,7 +273,9 @@ def _replay(
     pose = np.zeros((count, len(records.bodies), 3))
     gap = np.zeros((count, len(records.contacts)))
     rows: list[tuple[NDArray[Any], ...]] = []
+    lifts, (a, b) = records.contacts["lifts"] != 0, (records.contacts[f"body_{side}"] for side in "ab")
     for k in range(count):
+        records.contacts["raised"] = lifts * np.maximum(raised[k, a], raised[k, b])
         place(records, q[k], placed, k == 0)
         pose[k, :, 0], pose[k, :, 1] = placed.pose[:, X], placed.pose[:, Y]
         if k == 0 or len(seams.neighbours) > seams.still[0]:

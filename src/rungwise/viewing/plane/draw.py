@@ -20,6 +20,8 @@ MODELS = ("#0072b2", "#d55e00", "#007f5f", "#b0508c", "#8a6d00", "#333333")
 ROLES = {"object": "#d5e3f2", "robot": "#e7e2d3", "obstacle": "#dcdfe3"}
 INK = "#1b1f24"
 STEPS_OF_ARC = 24
+SHOWS = 0.6
+"""How opaque bodies are that are raised off the plane."""
 
 
 def rounded(outline: Outline) -> NDArray[np.float64]:
@@ -53,6 +55,12 @@ def pose_at(clip: Clip, time: float) -> NDArray[np.float64]:
     return np.array([np.interp(time, clip.time, column) for column in flat.T]).reshape(-1, 3)
 
 
+def raised_at(clip: Clip, time: float) -> NDArray[np.bool_]:
+    """Which bodies are raised off the plane at a time (bodies,)."""
+    frame = max(int(np.searchsorted(clip.time, time, side="right")) - 1, 0)
+    return np.asarray(clip.raised[frame] > 0.0)
+
+
 def draw_frame(
     axes: Axes,
     clips: Sequence[Clip],
@@ -70,7 +78,7 @@ def draw_frame(
     for index, clip in enumerate(clips):
         line = colors[index % len(colors)]
         extra = len(clips) - 1 - index
-        _bodies(axes, clip, pose_at(clip, time), line, extra, 4.0 * size, index)
+        _bodies(axes, clip, pose_at(clip, time), line, extra, 4.0 * size, index, raised_at(clip, time))
         for body, x, y in clip.joints:
             at = placed(np.array([[x, y]]), pose_at(clip, time)[body])
             axes.plot(*at.T, "o", mfc="white", mec=line, mew=1.6, ms=7, zorder=20)
@@ -81,10 +89,11 @@ def draw_frame(
 
 
 def _bodies(
-    axes: Axes, clip: Clip, pose: NDArray[np.float64], line: str, extra: int, far: float, over: int
-) -> None:
+    axes: Axes, clip: Clip, pose: NDArray[np.float64], line: str, extra: int, far: float, over: int,
+    raised: NDArray[np.bool_],
+) -> None:  # fmt: skip
     """Draw outlines of a body first, at double width, then one fill of all: seams inside the body stay
-    hidden."""
+    hidden. Those that are raised are above all others, dashed, and what is below them shows."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -104,11 +113,14 @@ def _bodies(
                     axes.plot(*placed(spoke, pose[body]).T, color=line, lw=1.0, zorder=2.5 + over)
         if corners:
             whole = Path.make_compound_path(*(Path(np.vstack([c, c[:1]]), closed=True) for c in corners))
+            above, style = (2.2 + over, "--") if raised[body] else (2.0 + over, "-")
             axes.add_patch(
-                PathPatch(whole, fc="none", ec=line, lw=2.4 + 2.4 * extra, joinstyle="round", zorder=2 + over)
+                PathPatch(
+                    whole, fc="none", ec=line, lw=2.4 + 2.4 * extra, ls=style, joinstyle="round", zorder=above
+                )
             )
-            opaque = 1.0 if over == 0 else 0.75
-            axes.add_patch(PathPatch(whole, fc=ROLES[role], ec="none", alpha=opaque, zorder=2 + over))
+            opaque = SHOWS if raised[body] else 1.0 if over == 0 else 0.75
+            axes.add_patch(PathPatch(whole, fc=ROLES[role], ec="none", alpha=opaque, zorder=above))
 
 
 def _band(outline: Outline, far: float) -> NDArray[np.float64]:

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from rungwise.viewing.plane.clip import Clip
 from rungwise.viewing.plane.extent import bounds, largest_force, receives_first
-from rungwise.viewing.skeleton import CURVES, LARGEST, along_time, fill, kind_of_runs, numbered, within
+from rungwise.viewing.skeleton import (
+    CURVES,
+    LARGEST,
+    along_time,
+    bytes_of,
+    fill,
+    kind_of_runs,
+    numbered,
+    within,
+)
 from rungwise.viewing.write import ViewError
 
 OWN = files("rungwise.viewing.plane") / "page"
@@ -83,6 +92,7 @@ def clip_data(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
         **along_time(clip, poses, clip.gap[:, curves], clip.push[:, curves], t.place, force),
         "bodies": _bodies(clip),
         "joints": clip.joints,
+        "raised": bytes_of(clip.raised > 0.0, "<u1") if clip.raised.any() else "",
     }
 
 

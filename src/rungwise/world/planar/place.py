@@ -95,7 +95,8 @@ class PlanarPlace:
         programs = Programs([term.code for term in terms])
         conditions = (programs.code, programs.constants, programs.table)
         answer(
-            records, conditions, self.workspace, rows.q, rows.v, rows.rest, self.columns, *found, poses
+            records, self.scene.template.timed_numbers(), self.bound.buffer, conditions, self.workspace,
+            rows.q, rows.v, rows.rest, self.columns, *found, poses,
         )  # fmt: skip
         return *found, poses
 

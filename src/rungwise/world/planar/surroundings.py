@@ -57,11 +57,12 @@ def _seek(
 
 
 class PlanarSurroundings:
-    """See `Surroundings`."""
+    """See `Surroundings`. Robots that may be raised are in the plane."""
 
     def __init__(self, scene: Scene, parameters: Mapping[str, float]) -> None:
         here = PlanarPlace(scene, parameters)
         self._records, self._workspace = here.bound.records, here.workspace
+        self._records.contacts["raised"] = 0.0
         own, state = self._records.coordinates, self._workspace.state
         servo, limited = own["drive"] == SERVO, own["limited"] != 0
         self.stiffness = np.where(servo, own["stiffness"], 0.0)

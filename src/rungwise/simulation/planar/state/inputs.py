@@ -66,6 +66,8 @@ def switch_inputs(inputs: Inputs, buffer: Reals, h: float, workspace: Workspace)
     over = clock.switch - clock.time <= REACHED * h
     if over:
         clock.time = clock.switch
+        if clock.lifts:
+            _set_levels(inputs, workspace.state, clock.switch)
     ended = until_margin(inputs, workspace) >= 0.0
     if not ended and not over:
         return False

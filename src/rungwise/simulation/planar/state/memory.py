@@ -93,6 +93,7 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state, terms = workspace.state, workspace.terms
     state.clock[0] = blank[0]
     state.manifolds.gaps[:] = 0.0
+    state.manifolds.lifted[:] = 0
     state.pushes[:] = 0.0
     state.impulses[:] = 0.0
     state.recent[:, :] = 0.0

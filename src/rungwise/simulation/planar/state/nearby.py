@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
+from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import FREE, HINGE, Records
-from rungwise.simulation.core.tolerances import NEAR
+from rungwise.simulation.core.tolerances import NEAR, OVERLAP
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.manifold import LANDED, LIFTED
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import Terms
@@ -42,6 +43,34 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
         look(records, workspace, workspace.state.v)
     elif margin < clock.margin / 32.0:
         clock.margin = 2.0 * margin
+    if clock.lifts and _is_other(records, workspace.state):
+        look(records, workspace, workspace.state.v)
+
+
+@rare_kernel
+def _is_other(records: Records, state: State) -> bool:
+    """Whether bodies were raised or lowered since the last look."""
+    other = False
+    for c in range(records.contacts.shape[0]):
+        other |= (records.contacts[c].raised > 0.0) != (state.manifolds.lifted[c] == LIFTED)
+    return other
+
+
+@rare_kernel
+def lands(records: Records, workspace: Workspace) -> bool:
+    """Whether a body that was raised is so no more, and overlaps another by more than steps may: at the
+    contact `clock.landed`. It counts as raised until a shorter step asks again."""
+    state = workspace.state
+    clock = state.clock[0]
+    if not _is_other(records, state):
+        return False
+    look(records, workspace, state.v)
+    most = max(OVERLAP * clock.smallest, workspace.terms.rounding[0])
+    for c in range(records.contacts.shape[0]):
+        if state.manifolds.lifted[c] == LANDED and state.manifolds.gaps[c] < -most:
+            clock.landed, state.manifolds.lifted[c] = c, LIFTED
+            return True
+    return False
 
 
 @kernel

@@ -15,7 +15,7 @@ from rungwise.kernel import Record, kernel
 from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.moving import LOOKS, SLIP
-from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, Found, manifold
+from rungwise.system.planar.manifold import LIFTED, NORMAL_X, NORMAL_Y, Found, manifold
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 
@@ -45,6 +45,8 @@ def passes(records: Records, workspace: Workspace) -> bool:
     manifolds = workspace.state.manifolds
     for i in range(near_pairs(manifolds, records.pairs.shape[0])):
         pair = records.pairs[pair_at(manifolds, i)]
+        if manifolds.lifted[pair.contact] == LIFTED:
+            continue
         a, b = records.shapes[pair.shape_a], records.shapes[pair.shape_b]
         if a.kind != HALFPLANE and b.kind != HALFPLANE and not _is_clear(records, a, b, workspace):
             return True

@@ -30,7 +30,7 @@ Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " centred lost stalled snapped crowd blamed votes refusal meets",
+    " lifts landed centred lost stalled snapped crowd blamed votes refusal meets",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
@@ -45,6 +45,8 @@ thickness of the thinnest pair. `gained` is energy that bounces added. In the st
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
 to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
 `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
+`lifts`: whether some body may be raised off the plane; `landed` is the contact at which one came down on
+another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts

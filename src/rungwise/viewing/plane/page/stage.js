@@ -41,6 +41,7 @@ function pathOf(shape) {
   return path;
 }
 
+for (const clip of CLIPS) clip.raised = new Uint8Array(bytes(clip.raised));
 for (const clip of CLIPS) clip.bodies.forEach(body => {
   body.reach = Math.max(0, ...body.shapes.filter(s => !s.halfplane)
     .flatMap(s => s.vertices.map(v => Math.hypot(v[0], v[1]) + s.radius)));
@@ -59,11 +60,15 @@ function poseOf(clip, b, k, fraction, out) {
   return out;
 }
 
+// Bodies that are raised off the plane are above all others, dashed, and what is below them shows.
 function drawBodies(g, clip, t, line) {
-  const [k, fraction] = locate(clip, t), pose = [0, 0, 0];
-  clip.bodies.forEach((body, b) => {
+  const [k, fraction] = locate(clip, t), pose = [0, 0, 0], n = clip.bodies.length, raised = b => clip.raised[k * n + b] > 0;
+  const numbers = [...clip.bodies.keys()];
+  for (const b of [...numbers.filter(b => !raised(b)), ...numbers.filter(raised)]) {
+    const body = clip.bodies[b];
     poseOf(clip, b, k, fraction, pose);
     g.save();
+    if (raised(b)) { g.globalAlpha = 0.6; g.setLineDash([6 / view.scale, 5 / view.scale]); }
     g.translate(pose[0], pose[1]);
     g.rotate(pose[2]);
     g.fillStyle = colours[body.role];
@@ -81,7 +86,7 @@ function drawBodies(g, clip, t, line) {
     g.fillStyle = line;
     for (const s of body.points) { g.beginPath(); g.arc(...s.vertices[0], DOT / view.scale, 0, 2 * Math.PI); g.fill(); }
     g.restore();
-  });
+  }
 }
 
 // Outlines of the other models' bodies, except where they are seen anyway; stripes where several of them agree.
