@@ -17,7 +17,7 @@ from typing import Any
 
 FOLDER = Path(__file__).parent
 SOURCE = FOLDER.parent / "src" / "rungwise"
-ROOMS = ("contact", "models", "simulation", "system", "world", "sets", "planning", "hierarchy")
+ROOMS = ("contact", "models", "simulation", "system", "world", "sets", "fitting", "planning", "hierarchy")
 DECIDING = ("verdict", "acceptance", "search")
 PLAIN = ("speed", "size", "code")
 

@@ -22,7 +22,8 @@ from rungwise.simulation.turns import Turns
 
 FILES = {
     "dataset", "load", "load_counterexample", "load_doomed_set", "load_plan", "load_run", "load_set",
-    "load_state", "read_problem", "save", "text", "to_csv", "to_mesh", "write_fclib", "yaml",
+    "load_state", "read_problem", "from_csv", "from_datasets", "from_runs", "save", "text", "to_csv",
+    "to_mesh", "write_fclib", "yaml",
 }  # fmt: skip
 """Read or write what is there."""
 NAMES = {
@@ -36,7 +37,7 @@ NAMES = {
 ARRAYS = {
     "apart", "between", "classify", "diameter", "force_closure", "form_closure", "gradient",
     "labels", "off", "predicted", "random", "sensitivity", "squeeze_plan", "squeezed", "state",
-    "touching", "volumes", "witness",
+    "split", "take", "touching", "volumes", "witness",
 }  # fmt: skip
 """A few array operations on what is known: time grows with what is given, and nothing is searched."""
 TURNS = {"advance", "steps_taken"}
@@ -47,6 +48,7 @@ QUICK = FILES | NAMES | ARRAYS
 
 PROBLEM = rw.Problem.lcp(np.eye(2), -np.ones(2))
 PUSHES = [rw.Segment({"ux": 1.0}, 0.2)]
+MOTIONS = rw.Motions(("part.x3",), np.arange(3.0), np.zeros((1, 3, 1)))
 BALL = "ball"
 INPUTS = {"v1": (0.5, 1.0), "v2": (0.5, 1.0)}
 
@@ -203,6 +205,7 @@ CALLS: dict[str, tuple[Call, Says]] = {
         text,
     ),
     "compare": (lambda _: rw.compare("two_finger", limit=0), unfinished),
+    "fit": (lambda _: rw.fit("two_finger", "kinematic", MOTIONS, ("v1",), limit=0), text),
     "Counterexample.replay": (
         lambda _: COUNTER.replay(limit=0),
         lambda runs: running(runs[0]) and running(runs[1]),
@@ -249,6 +252,7 @@ STEP.H[:] = np.eye(3)
 LINEAR = rw.Sensitivity(STEP, STEP.c, STEP.w, STEP.w_s)
 COUNTER = rw.Counterexample("two runs", _side, _side, 0.1, False, {}, rw.load("two_finger"))
 RAISES = {
+    "fit",
     "Sensitivity.forward", "ask", "compare", "diagnose", "doomed_set", "draw_parting", "extreme_motions",
     "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets", "step_sensitivity",
 }  # fmt: skip

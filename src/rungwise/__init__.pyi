@@ -18,6 +18,10 @@ from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .deadline import LimitError
 from .errors import InputError
+from .fitting.errors import MotionError
+from .fitting.fit import fit
+from .fitting.found import Fit, Residual
+from .fitting.motions import Motions
 from .hierarchy.compare import compare
 from .hierarchy.comparison import Comparison
 from .hierarchy.counterexample import Counterexample, load_counterexample
@@ -97,6 +101,7 @@ __all__ = [
     "Diagnosis",
     "DoomedSet",
     "FeasibleSet",
+    "Fit",
     "Geometry",
     "InputError",
     "InvalidScene",
@@ -105,6 +110,8 @@ __all__ = [
     "Label",
     "LimitError",
     "ModelError",
+    "MotionError",
+    "Motions",
     "Outcome",
     "PictureError",
     "Piece",
@@ -113,6 +120,7 @@ __all__ = [
     "Problem",
     "Replay",
     "ReplayError",
+    "Residual",
     "Results",
     "Rollouts",
     "Run",
@@ -156,6 +164,7 @@ __all__ = [
     "draw_parting",
     "extreme_motions",
     "feasible_set",
+    "fit",
     "force_closure",
     "form_closure",
     "geometry",

@@ -1,0 +1,134 @@
+"""What a fit found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.plain import cut
+
+OUTSIDE = 1.8
+"""Loss of whitened errors, over what measurement and starts make it, beyond which motions are outside. Where
+the rung made the motions itself it is 1.0 to 1.5: starts near impacts are not as normal as they are taken to
+be, and deviations that were estimated are known to a part of themselves."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Errors of one coordinate: name; root of the mean square, and median of the size, in its unit;
+    deviation: of the measurement; expected: what measurement and starts make of the median error."""
+
+    name: str
+    rms: float
+    median: float
+    deviation: float
+    expected: float
+
+
+@dataclass(frozen=True, repr=False)
+class Fit:
+    """Parameters of a scene from motions, on a rung.
+
+    values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
+    in the order of `over`; open: what the motions do not determine, by name, with a line on it; residuals: by
+    coordinate; misfit: loss of errors over what measurement and starts make it (1 where they explain all),
+    the median over trials; moved: by how much starts that overlap were moved at most, in lengths;
+    ended: part of the runs that came to the end of their span; loss: the robust loss; runs: how many were
+    made; unfinished: what a limit left undone, in words; wall_s.
+    """
+
+    measured_on: Any
+    model: Rung
+    over: tuple[str, ...]
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    correlation: Reals
+    open: dict[str, str]
+    residuals: tuple[Residual, ...]
+    misfit: float
+    trials: int
+    spans: int
+    span: float
+    moved: float
+    ended: float
+    loss: float
+    runs: int
+    wall_s: float
+    unfinished: str = ""
+    _units: dict[str, str] = field(default_factory=dict, repr=False)
+
+    @property
+    def outside(self) -> bool:
+        """Whether no parameters explain the motions within the deviation of the measurement."""
+        return self.misfit > OUTSIDE
+
+    @property
+    def ok(self) -> bool:
+        """Whether the search came to its end, and all that was asked for is determined."""
+        return not self.unfinished and not self.open
+
+    @property
+    def scene(self) -> Any:
+        """The scene with the values found as defaults, and what remains uncertain in its task: the intervals,
+        evenly, for `verify`, `plan(robust=...)` and `design(robust=True)`."""
+        file = self.measured_on.file
+        parameters = {
+            name: each.model_copy(update={"default": self.values.get(name, each.default)})
+            for name, each in file.parameters.items()
+        }
+        changes: dict[str, Any] = {"parameters": parameters}
+        if file.task is not None:
+            known = {name: each for name, each in file.task.uncertain.items() if name not in self.over}
+            spread = (
+                type(file.task)
+                .model_validate(
+                    {"uncertain": {name: {"uniform": list(ends)} for name, ends in self.intervals.items()}}
+                )
+                .uncertain
+            )
+            changes["task"] = file.task.model_copy(update={"uncertain": known | spread})
+        return self.measured_on.changed(**changes)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
+        return f"<Fit of {cut(self.measured_on.name)} on {self.model.name}: {cut(values, 120)}>"
+
+    def __str__(self) -> str:
+        head = f"{self.measured_on.name} on {self.model.name}: {self.trials} trials, {self.spans} spans of"
+        lines = [f"{head} {self.span:.3g}"]
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            lines.append(f"  {name} = {value:.4g} ({low:.4g} to {high:.4g})".rstrip())
+        lines += [f"  not determined: {name}: {line}" for name, line in self.open.items()]
+        lines += [
+            f"  {each.name}: errors {each.rms:.3g} (root mean square), median {each.median:.3g};"
+            f" measurement and starts make {each.expected:.3g}"
+            for each in self.residuals
+        ]
+        lines.append(f"  {self.verdict}")
+        lines += [f"  {self.unfinished}"] if self.unfinished else []
+        return "\n".join(lines)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the measurement's deviation explains what is left, in words."""
+        if self.outside:
+            return (
+                f"outside: no parameters of {', '.join(self.over)} explain the motions; errors weigh"
+                f" {self.misfit:.3g} times what measurement and starts make"
+            )
+        return f"explained: errors weigh {self.misfit:.3g} times what measurement and starts make"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, as `rungwise fit --json` prints them."""
+        return {
+            "scene": self.measured_on.name, "model": self.model.name, "values": self.values,
+            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+            "correlation": self.correlation.tolist(), "open": self.open,
+            "residuals": [vars(each) for each in self.residuals], "misfit": self.misfit,
+            "outside": self.outside, "verdict": self.verdict, "trials": self.trials, "spans": self.spans,
+            "span": self.span, "moved": self.moved, "ended": self.ended, "loss": self.loss,
+            "runs": self.runs, "wall_s": self.wall_s, "unfinished": self.unfinished,
+        }  # fmt: skip

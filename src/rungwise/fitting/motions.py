@@ -1,0 +1,308 @@
+"""Measured motions: times, places and velocities of a scene's coordinates, trial by trial."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rungwise.fitting import tables
+from rungwise.fitting.errors import MotionError
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.plain import cut
+from rungwise.scene.fields.values import shown
+from rungwise.wording import choices, listed
+
+if TYPE_CHECKING:
+    import xarray
+
+UNITS = {
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180.0, "s": 1.0, "ms": 1e-3,
+    "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": math.pi / 180.0, "1": 1.0,
+}  # fmt: skip
+"""Units that measurements may have, in m, rad and s."""
+FEWEST = 3
+"""Fewest frames of a trial: from fewer no velocity follows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One measured motion of k frames: times (k,), places q (k, n), velocities v (k, r) if they were
+    measured, nan in gaps; parameters that are known in it, and inputs (k,), by name."""
+
+    times: Reals
+    q: Reals
+    v: Reals | None
+    parameters: dict[str, float]
+    inputs: dict[str, Reals]
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last."""
+        return float(self.times[-1] - self.times[0])
+
+
+class Motions:
+    """Measured motions of m trials.
+
+    Args:
+        coordinates: names (n,), as the scene calls them ("part.x").
+        times: (k,) of all trials, or one array for each, ascending.
+        places: (m, k, n), or (k_i, n) for each trial; (k, n) is one trial. nan where nothing was measured.
+        velocities: in the same manner, if they were measured; else they follow by local regression.
+        rates: names (r,) of the velocities, if they differ from the coordinates: in space angular velocities
+            ("part.rx") are no rates of quaternions.
+        parameters: values that are known: a number, or one for each trial, by name.
+        inputs: what was done: values at the frames, (m, k) or one array for each trial, by name of the input.
+        deviations: standard deviations of the measurement by name of a coordinate, and of a velocity as
+            "speed(part.x)"; of all others the scatter about a local regression is taken. In space that of
+            a quaternion is an angle, under the name of its first coordinate.
+        units: units of coordinates, of velocities ("speed(part.x)") and of "time" where they are not m, rad
+            and s; deviations have the same.
+
+    Raises MotionError: wrong shapes, unknown units, times that do not ascend.
+    """
+
+    @keywords
+    def __init__(
+        self,
+        coordinates: Sequence[str],
+        times: Any,
+        places: Any,
+        velocities: Any = None,
+        *,
+        rates: Sequence[str] | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        inputs: Mapping[str, Any] | None = None,
+        deviations: Mapping[str, float] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
+        self.coordinates = _names("coordinates", coordinates)
+        self.rates = self.coordinates if rates is None else _names("rates", rates)
+        columns = [*self.coordinates, *(f"speed({name})" for name in self.rates)]
+        scales = _scales(units or {}, ["time", *columns])
+        n = len(self.coordinates)
+        q = _trials("places", places, n)
+        v = [None] * len(q) if velocities is None else _trials("velocities", velocities, len(self.rates))
+        if len(v) != len(q):
+            raise MotionError(f"velocities: are of {len(v)} trials, and places of {len(q)}")
+        every = _times(times, q)
+        of_trials = _known(parameters or {}, len(q))
+        given = _inputs(inputs or {}, q)
+        self.deviations = _deviations(deviations or {}, columns, scales)
+        factors = [scales[name] for name in columns]
+        self.trials = tuple(
+            _trial(i, every[i] * scales["time"], q[i], v[i], of_trials[i], given[i], factors)
+            for i in range(len(q))
+        )
+
+    def __len__(self) -> int:
+        return len(self.trials)
+
+    def __repr__(self) -> str:
+        return f"<Motions of {cut(', '.join(self.coordinates), 120)}: {len(self)} trials>"
+
+    @keywords
+    def take(self, rows: Iterable[int]) -> Motions:
+        """Some of the trials, by number."""
+        found = object.__new__(Motions)
+        vars(found).update(vars(self) | {"trials": tuple(self.trials[int(row)] for row in rows)})
+        if not found.trials:
+            raise MotionError("rows: name no trial")
+        return found
+
+    @keywords
+    def split(self, share: float = 0.5, *, seed: int = 0) -> tuple[Motions, Motions]:
+        """Trials to fit, a share of all drawn by the seed, and the others, to be held out. Raises
+        MotionError where one part would be empty."""
+        order = np.random.default_rng(seed).permutation(len(self))
+        first = min(max(round(share * len(self)), 1), len(self) - 1)
+        if not 0.0 < share < 1.0 or len(self) < 2:
+            raise MotionError(f"share: {shown(share)} of {len(self)} trials leaves one part empty")
+        return self.take(np.sort(order[:first])), self.take(np.sort(order[first:]))
+
+    @classmethod
+    def from_csv(cls, file: str | Path, **given: Any) -> Motions:
+        """Motions from a table (see `rungwise.fitting.tables.read_csv`); other arguments as above."""
+        return cls(**tables.read_csv(Path(file)) | given)
+
+    @classmethod
+    def from_datasets(cls, data: xarray.Dataset | Sequence[xarray.Dataset], **given: Any) -> Motions:
+        """Motions from datasets, one a trial, with `position` over `time` and `coordinate`, and `velocity`,
+        as `Run.trajectory` has them; other arguments as above."""
+        return cls(**tables.read_datasets(data) | given)
+
+    @classmethod
+    def from_runs(cls, runs: Any, **given: Any) -> Motions:
+        """Motions from the recorded frames of a run or of runs; other arguments as above."""
+        return cls(**tables.read_runs(runs) | given)
+
+    @keywords
+    def save(self, file: str | Path) -> None:
+        """Write the table that `from_csv` reads. Raises OSError."""
+        first = self.trials[0]
+        others = [*first.parameters, *first.inputs]
+        rates = [f"speed({name})" for name in self.rates] if first.v is not None else []
+        tables.write_csv(
+            Path(file), ["trial", "time", *self.coordinates, *rates, *others],
+            [_columns(number, trial) for number, trial in enumerate(self.trials)],
+        )  # fmt: skip
+
+
+def _columns(number: int, trial: Trial) -> Reals:
+    """A trial as rows of a table."""
+    k = len(trial.times)
+    known = [np.full(k, value) for value in trial.parameters.values()]
+    rates = [] if trial.v is None else [trial.v]
+    return np.column_stack(
+        [np.full(k, float(number)), trial.times, trial.q, *rates, *known, *trial.inputs.values()]
+    )
+
+
+def _names(field: str, given: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(given, str) or not all(isinstance(name, str) for name in given) or not len(given):
+        raise MotionError(f"{field}: must be names, not {shown(given)}")
+    if len(set(given)) < len(given):
+        raise MotionError(f"{field}: {next(name for name in given if list(given).count(name) > 1)} is twice")
+    return tuple(given)
+
+
+def _scales(units: Mapping[str, str], known: Sequence[str]) -> dict[str, float]:
+    """By what measured values are multiplied."""
+    for name, unit in units.items():
+        if name not in known:
+            raise MotionError(f"units: unknown {shown(name)}{choices(name, known)}")
+        if unit not in UNITS:
+            raise MotionError(f"units.{name}: unknown unit {shown(unit)}{choices(unit, UNITS)}")
+    return {name: UNITS[units.get(name, "1")] for name in known}
+
+
+def _numbers(path: str, given: Any) -> Reals:
+    try:
+        values = np.asarray(given)
+        if values.dtype.kind not in "iuf":
+            raise ValueError
+    except ValueError:
+        raise MotionError(f"{path}: must be numbers in an array, not {shown(given)}") from None
+    return np.array(values, np.float64)
+
+
+def _trials(field: str, given: Any, columns: int) -> list[Any]:
+    """Arrays (k_i, columns) of the trials."""
+    try:
+        ndim = np.ndim(given)
+    except ValueError:
+        ndim = 0
+    listed_ = [given] if ndim == 2 else given
+    if ndim not in (0, 2, 3) or not isinstance(listed_, Sequence | np.ndarray) or not len(listed_):
+        raise MotionError(f"{field}: must have the shape (m, k, {columns}), or be a list of (k, {columns})")
+    found = [_numbers(f"{field}.{i}", each) for i, each in enumerate(listed_)]
+    for i, each in enumerate(found):
+        if each.ndim != 2 or each.shape[1] != columns:
+            raise MotionError(f"{field}.{i}: must have the shape (k, {columns}), not {each.shape}")
+        if len(each) < FEWEST:
+            raise MotionError(f"{field}.{i}: has {len(each)} frames, and needs at least {FEWEST}")
+    return found
+
+
+def _times(given: Any, q: Sequence[Reals]) -> list[Reals]:
+    """Times (k_i,) of the trials, ascending."""
+    try:
+        is_one = np.ndim(given) == 1 and not np.ndim(given[0])
+    except ValueError:
+        is_one = False
+    every = [given] * len(q) if is_one else list(given)
+    if len(every) != len(q):
+        raise MotionError(f"times: are of {len(every)} trials, and places of {len(q)}")
+    found = [_numbers(f"times.{i}", each) for i, each in enumerate(every)]
+    for i, (times, places) in enumerate(zip(found, q, strict=True)):
+        if times.shape != (len(places),):
+            raise MotionError(f"times.{i}: must have the shape ({len(places)},), not {times.shape}")
+        wrong = np.flatnonzero(~(np.diff(times) > 0.0))
+        if not np.isfinite(times).all() or len(wrong):
+            at = int(wrong[0]) + 1 if len(wrong) else int(np.flatnonzero(~np.isfinite(times))[0])
+            raise MotionError(f"times.{i}: must ascend, and do not at frame {at}")
+    return found
+
+
+def _known(given: Mapping[str, ArrayLike], m: int) -> list[dict[str, float]]:
+    """Parameters of each trial."""
+    columns = {name: _numbers(f"parameters.{name}", values) for name, values in given.items()}
+    for name, values in columns.items():
+        if values.shape not in ((), (m,)):
+            raise MotionError(f"parameters.{name}: must be a number or ({m},), not {values.shape}")
+    whole = {name: np.broadcast_to(values, m) for name, values in columns.items()}
+    return [{name: float(values[i]) for name, values in whole.items()} for i in range(m)]
+
+
+def _inputs(given: Mapping[str, Any], q: Sequence[Reals]) -> list[dict[str, Reals]]:
+    """Inputs of each trial at its frames."""
+    found: list[dict[str, Reals]] = [{} for _ in q]
+    for name, values in given.items():
+        each = [values] if len(q) == 1 and np.ndim(values) == 1 else list(values)
+        if len(each) != len(q):
+            raise MotionError(f"inputs.{name}: are of {len(each)} trials, and places of {len(q)}")
+        for i, (row, places) in enumerate(zip(each, q, strict=True)):
+            level = _numbers(f"inputs.{name}.{i}", row)
+            if level.shape != (len(places),) or not np.isfinite(level).all():
+                raise MotionError(f"inputs.{name}.{i}: must be {len(places)} finite numbers, one a frame")
+            found[i][name] = level
+    return found
+
+
+def _deviations(
+    given: Mapping[str, float], known: Sequence[str], scales: Mapping[str, float]
+) -> dict[str, float]:
+    found = {}
+    for name, value in given.items():
+        if name not in known:
+            raise MotionError(f"deviations: unknown {shown(name)}{choices(name, known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not value > 0.0:
+            raise MotionError(f"deviations.{name}: must be a number greater than 0, not {shown(value)}")
+        found[name] = float(value) * scales[name]
+    return found
+
+
+def _trial(
+    number: int, times: Reals, q: Reals, v: Reals | None, known: dict[str, float], inputs: dict[str, Reals],
+    scales: Sequence[float],
+) -> Trial:  # fmt: skip
+    if v is not None and len(v) != len(q):
+        raise MotionError(f"velocities.{number}: has {len(v)} frames, and places.{number} {len(q)}")
+    n = q.shape[1]
+    if not np.isfinite(q).any(axis=0).all():
+        raise MotionError(f"places.{number}: a column has no number; leave out what was not measured")
+    return Trial(times, q * scales[:n], None if v is None else v * scales[n:], known, inputs)
+
+
+def check_names(motions: Motions, coordinates: Sequence[str], velocities: Sequence[str]) -> None:
+    """Refuse motions of coordinates that a scene does not have. Raises MotionError."""
+    for name in motions.coordinates:
+        if name not in coordinates:
+            raise MotionError(f"coordinates: unknown {shown(name)}{choices(name, coordinates)}")
+    if any(trial.v is not None for trial in motions.trials):
+        for name in motions.rates:
+            if name not in velocities:
+                raise MotionError(f"rates: unknown {shown(name)}{choices(name, velocities)}")
+
+
+def check_parameters(
+    motions: Motions, over: Sequence[str], known: Iterable[str], inputs: Sequence[str]
+) -> None:
+    """Refuse known parameters and inputs that a scene does not have, or that are to be found."""
+    names = tuple(known)
+    for trial in motions.trials:
+        for name in trial.parameters:
+            if name not in names:
+                raise MotionError(f"parameters: unknown {shown(name)}{choices(name, names)}")
+            if name in over:
+                raise MotionError(f"parameters.{name}: is known in the motions, and `over` asks for it")
+        for name in trial.inputs:
+            if name not in inputs:
+                raise MotionError(f"inputs: unknown {shown(name)}; valid: {listed(inputs)}")

@@ -1,0 +1,124 @@
+"""Runs of many candidate parameters through all spans at once, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.deadline import NEVER, Deadline, TimeOver
+from rungwise.fitting.layout import Compared
+from rungwise.fitting.spans import Spans
+from rungwise.fitting.starts import Parting
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.world.arguments import asked
+from rungwise.world.find import world_of
+
+TOGETHER = 100_000
+"""Moments of runs that are made in one call: what is kept of each takes some kilobytes."""
+STOPPED = (Code.MISSED, Code.TIMEOUT, Code.JAMMED)
+"""Outcomes of runs that came to the end of their span, or rest there."""
+
+
+class Predicted(NamedTuple):
+    """Errors (p, s, g, e) of p candidates over s spans, 0 at moments that do not count; and which runs came
+    to their ends (p, s): the others stay where they ended."""
+
+    errors: Reals
+    ended: NDArray[np.bool_]
+
+
+class Predictor:
+    """Runs of a scene on a rung from the starts of spans. Its conditions are left out: they would end runs.
+
+    parameters: those that are neither in `over` nor known in the spans; tol: error allowed per step.
+    """
+
+    def __init__(
+        self, scene: Any, model: Rung, spans: Spans, compared: Compared, over: Sequence[str],
+        parameters: Mapping[str, float], *, tol: float | None, step: float | None, threads: int | None,
+        deadline: Deadline = NEVER, told: Callable[[int], None] | None = None,
+    ) -> None:  # fmt: skip
+        self.scene = scene.changed(goal=None, unsafe=None, doomed=None)
+        self.model, self.spans, self.compared, self.over = model, spans, compared, tuple(over)
+        self._given = dict(parameters)
+        self._options = {"tol": tol, "step": step, "theta": 1.0, "motion": None}
+        self._threads, self._deadline, self._told = threads, deadline, told
+        self._parting = Parting(self.scene)
+        self.runs, self.moved = 0, np.zeros(len(spans.trial))
+
+    def on(self, spans: Spans) -> Predictor:
+        """The same on other spans."""
+        found = object.__new__(Predictor)
+        vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial)), "runs": 0})
+        return found
+
+    def __call__(self, points: Reals, shifts: Reals | None = None) -> Predicted:
+        """Errors at points (p, k) of the parameters; with starts that are changed by shifts (p, n_q + n_v).
+        Raises TimeOver."""
+        self._deadline.look()
+        s, g = self.spans.durations.shape
+        each = max(1, TOGETHER // (s * g))
+        parts = [
+            self._together(points[i : i + each], None if shifts is None else shifts[i : i + each])
+            for i in range(0, len(points), each)
+        ]
+        return Predicted(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _together(self, points: Reals, shifts: Reals | None) -> Predicted:
+        spans, (p, s) = self.spans, (len(points), len(self.spans.trial))
+        n = spans.q.shape[1]
+        starts = np.zeros((p, s, n + spans.v.shape[1]))
+        for i, point in enumerate(points):
+            change = np.zeros(starts.shape[2]) if shifts is None else shifts[i]
+            starts[i, :, :n] = self._starts(point, spans.q + change[:n])
+            starts[i, :, n:] = spans.v + change[n:]
+        given: dict[str, Any] = dict(self._given)
+        given |= {name: np.tile(spans.values[:, j], p) for j, name in enumerate(spans.known)}
+        given |= {name: np.repeat(points[:, j], s) for j, name in enumerate(self.over)}
+        inputs = {name: np.tile(spans.levels[..., j], (p, 1)) for j, name in enumerate(spans.inputs)}
+        wanted = asked(
+            self.scene, starts.reshape(p * s, -1), inputs or None, np.tile(spans.durations, (p, 1)), None,
+            bool(inputs), given,
+        )  # fmt: skip
+        found = world_of(self.scene).rollout(
+            self.model, wanted, self._options, keep=True, budget=None, threads=self._threads, chunk=None,
+            deadline=self._deadline, on_progress=self._look,
+        )  # fmt: skip
+        if self._deadline.is_over:
+            raise TimeOver("in the runs of a fit")
+        self.runs += p * s
+        q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)
+        errors = self.compared.errors(q, spans.aims)
+        errors[:, ~spans.counts] = 0.0
+        return Predicted(errors, np.isin(found.outcome, STOPPED).reshape(p, s))
+
+    def _starts(self, point: Reals, q: Reals) -> Reals:
+        """Starts (s, n_q) at a point, without overlaps."""
+        named = self._given | dict(zip(self.over, point.tolist(), strict=True))
+        values = self.spans.values
+        found = q.copy()
+        for row in np.unique(values, axis=0):
+            same = (values == row).all(axis=1)
+            known = dict(zip(self.spans.known, row.tolist(), strict=True))
+            apart = self._parting(q[same], named | known)
+            found[same], self.moved[same] = apart.q, apart.moved
+        return found
+
+    def _look(self, done: int) -> None:
+        self._deadline.look()
+        if self._told is not None:
+            self._told(done)
+
+
+def _held(found: Any, starts: Reals) -> Reals:
+    """Places (m, g, n_q) at the moments; where a run had ended before, those of its end, or of its start."""
+    q = found.q.copy()
+    final = np.where(np.isfinite(found.final), found.final, starts)
+    missing = ~np.isfinite(q).all(axis=-1)
+    q[missing] = np.broadcast_to(final[:, None], q.shape)[missing]
+    return np.asarray(q)

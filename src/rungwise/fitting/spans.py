@@ -1,0 +1,154 @@
+"""Spans: parts of trials, each from a measured state through some of the frames that follow."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.errors import InputError
+from rungwise.fitting.errors import MotionError
+from rungwise.fitting.layout import Frames, Layout, rates_at
+from rungwise.kernel import Ints, Reals
+from rungwise.scene.fields.values import shown
+
+MOMENTS = 10
+"""Frames of a span that are compared at most: neighbours hardly tell more than one of them."""
+PARTS = 4
+"""Spans of a trial, by default: after several impacts two runs that began alike have nothing in common."""
+
+
+class Spans(NamedTuple):
+    """s spans with g moments at most: the trial of each (s,); where it begins, q (s, n_q) and v (s, n_v);
+    durations (s, g) from moment to moment, 0 for such as a span lacks; measured places (s, g, n_q), which of
+    the moments count (s, g), times since the start (s, g); names of known parameters and inputs, values
+    (s, p), and (s, g, u); `first` (s,): the time in the trial at which it begins."""
+
+    trial: Ints
+    q: Reals
+    v: Reals
+    durations: Reals
+    aims: Reals
+    counts: NDArray[np.bool_]
+    since: Reals
+    known: tuple[str, ...]
+    values: Reals
+    inputs: tuple[str, ...]
+    levels: Reals
+    first: Reals
+
+    def take(self, rows: Ints) -> Spans:
+        """Some of the spans."""
+        whole = {
+            name: getattr(self, name)[rows]
+            for name in (
+                "trial",
+                "q",
+                "v",
+                "durations",
+                "aims",
+                "counts",
+                "since",
+                "values",
+                "levels",
+                "first",
+            )
+        }
+        return self._replace(**whole)
+
+    @property
+    def seconds(self) -> float:
+        """How much time they simulate."""
+        return float(self.durations.sum())
+
+
+class _Span(NamedTuple):
+    trial: int
+    start: int
+    moments: Ints
+
+
+def spans_of(scene: Any, layout: Layout, span: float | None, moments: int = MOMENTS) -> Spans:
+    """Spans of a length in the scene's time, one after another; a quarter of the median trial if not given,
+    whole trials where it is infinite. Raises MotionError where no trial has a frame to begin at."""
+    length = _length(layout, span)
+    found = list[_Span]()
+    for number, frames in enumerate(layout.trials):
+        most = len(frames.times) if frames.trial.inputs else moments
+        found += _of_trial(number, frames, length, most)
+    if not found:
+        raise MotionError("places: no trial has a frame at which all is known, and others after it")
+    g = max(len(each.moments) for each in found)
+    return _stacked(scene, layout, found, g)
+
+
+def _length(layout: Layout, span: float | None) -> float:
+    if span is None:
+        return float(np.median([frames.times[-1] - frames.times[0] for frames in layout.trials])) / PARTS
+    if isinstance(span, bool) or not isinstance(span, int | float | np.number) or not span > 0.0:
+        raise InputError(f"span: must be a time greater than 0, or infinite, not {shown(span)}")
+    return float(span)
+
+
+def _of_trial(number: int, frames: Frames, length: float, most: int) -> list[_Span]:
+    """The spans of one trial: each begins where the one before ends, at a frame at which all is known."""
+    found, at, last = list[_Span](), 0, len(frames.times) - 1
+    usable = np.flatnonzero(frames.known)
+    while at < last:
+        later = usable[usable >= at]
+        if not len(later):
+            break
+        start = int(later[0])
+        end = int(np.searchsorted(frames.times, frames.times[start] + length * (1.0 + 1e-9), "right")) - 1
+        end = min(max(end, start + 1), last)
+        if end <= start:
+            break
+        steps = min(most, end - start)
+        rows = np.unique(np.round(np.linspace(start, end, steps + 1)[1:]).astype(int))
+        if frames.times[end] - frames.times[start] >= 0.5 * min(length, frames.trial.duration) or not found:
+            found.append(_Span(number, start, rows))
+        at = end
+    return found
+
+
+def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
+    """Spans as arrays, those with fewer moments filled up."""
+    s, n = len(found), len(scene.template.coordinates)
+    trials = layout.trials
+    known = tuple(dict.fromkeys(name for each in trials for name in each.trial.parameters))
+    inputs = tuple(name for name in scene.template.inputs if any(name in x.trial.inputs for x in trials))
+    defaults = scene.parameters()
+    durations, since, first = np.zeros((s, g)), np.zeros((s, g)), np.zeros(s)
+    aims, counts = np.zeros((s, g, n)), np.zeros((s, g), bool)
+    levels = np.zeros((s, g, len(inputs)))
+    q, values = np.zeros((s, n)), np.zeros((s, len(known) + len(inputs)))
+    v = np.zeros((s, trials[0].v.shape[1]))
+    for number in dict.fromkeys(each.trial for each in found):
+        rows = [i for i, each in enumerate(found) if each.trial == number]
+        v[rows] = rates_at(layout, scene, trials[number], np.array([found[i].start for i in rows]))
+    for i, (number, start, moments) in enumerate(found):
+        frames, k = trials[number], len(moments)
+        ends = frames.times[np.append(start, moments)]
+        durations[i, :k], since[i, :k], first[i] = np.diff(ends), ends[1:] - ends[0], ends[0]
+        aims[i, :k], counts[i, :k], q[i] = frames.q[moments], True, frames.q[start]
+        trial = frames.trial
+        values[i] = [trial.parameters.get(name, defaults[name]) for name in known] + [
+            trial.inputs[name][start] if name in trial.inputs else defaults[name] for name in inputs
+        ]
+        for j, name in enumerate(inputs):
+            levels[i, :, j] = values[i, len(known) + j]
+            if name in trial.inputs:
+                levels[i, :k, j], levels[i, k:, j] = (
+                    trial.inputs[name][moments],
+                    trial.inputs[name][moments[-1]],
+                )
+    counts &= np.isfinite(aims[..., layout.compared.plain]).all(axis=-1)
+    for four in layout.compared.turns:
+        counts &= np.isfinite(aims[..., four]).all(axis=-1)
+    finite = np.isfinite(v).all(axis=1)
+    whole = Spans(
+        np.array([each.trial for each in found]), q, v, durations, np.nan_to_num(aims), counts, since,
+        known + inputs, values, inputs, levels, first,
+    )  # fmt: skip
+    return whole.take(np.flatnonzero(finite & counts.any(axis=1)))

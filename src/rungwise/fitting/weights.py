@@ -1,0 +1,93 @@
+"""What an error of a prediction weighs: by the deviation of the measurement, and by that of the start.
+
+A run begins at a measured state, which is off by the measurement's deviation; where that is amplified, by
+impacts above all, later errors say little. To first order errors r of a span are normal with the covariance
+
+    S = R + J P J^T
+
+R: deviations of the measured places, P: those of the start, J: what a change of the start changes. Starts are
+thereby unknowns that are integrated out, as multiple shooting with uncertain starts does it (Bock 1987): the
+whitened errors L^-1 r, with L L^T = S, are what is left when the most probable start of each span is taken.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.fitting.layout import Layout
+from rungwise.fitting.predict import Predictor
+from rungwise.kernel import Reals
+
+NORMAL_MEDIAN = 0.6745
+"""Median of the absolute value of a standard normal number."""
+
+
+class Weights(NamedTuple):
+    """L^-1 of each span (s, d, d), d = g e errors; `spread` (s, g, e): deviations that S gives to errors;
+    extra (e,): the deviation that was added to R because the model does not explain more."""
+
+    inverse: Reals
+    spread: Reals
+    extra: Reals
+
+    def whitened(self, errors: Reals) -> Reals:
+        """Whitened errors (p, s, d) of errors (p, s, g, e)."""
+        flat = errors.reshape(*errors.shape[:2], -1)
+        return np.asarray(np.matmul(self.inverse, flat[..., None])[..., 0])
+
+
+def free_flight(layout: Layout, predictor: Predictor, extra: Reals) -> Weights:
+    """Weights as if no contact amplified the errors of starts: these grow with time."""
+    spans, names = predictor.spans, predictor.scene.template.coordinates
+    velocities = list(predictor.scene.template.velocities)
+    n = len(names)
+    place, rate = np.zeros(len(layout.sigma)), np.zeros(len(layout.sigma))
+    for e, column in enumerate(layout.compared.plain):
+        place[e] = layout.start[column]
+        if names[column] in velocities:
+            rate[e] = layout.start[n + velocities.index(names[column])]
+    for r, four in enumerate(layout.compared.turns):
+        rows = slice(len(layout.compared.plain) + 3 * r, len(layout.compared.plain) + 3 * r + 3)
+        place[rows] = 2.0 * layout.start[four[0]]
+        body = names[four[0]].rsplit(".", 1)[0]
+        rate[rows] = [layout.start[n + velocities.index(f"{body}.{axis}")] for axis in ("rx", "ry", "rz")]
+    variance = place**2 + (rate * spans.since[..., None]) ** 2 + layout.sigma**2 + extra**2
+    spread = np.sqrt(variance)
+    flat = spread.reshape(len(spread), -1)
+    return Weights(np.einsum("sd,de->sde", 1.0 / flat, np.eye(flat.shape[1])), spread, extra)
+
+
+def by_sensitivity(layout: Layout, predictor: Predictor, point: Reals, extra: Reals) -> Weights:
+    """Weights by how errors of starts grow in the runs at a point (k,)."""
+    spans = predictor.spans
+    s, (g, e) = len(spans.trial), (spans.counts.shape[1], len(layout.sigma))
+    uncertain = np.flatnonzero(layout.start > 0.0)
+    shifts = np.zeros((2 * len(uncertain), len(layout.start)))
+    for j, column in enumerate(uncertain):
+        shifts[2 * j, column], shifts[2 * j + 1, column] = layout.start[column], -layout.start[column]
+    found = predictor(np.tile(point, (len(shifts), 1)), shifts).errors
+    change = 0.5 * (found[0::2] - found[1::2]).reshape(len(uncertain), s, g * e)
+    return _weights(layout, change, extra, (s, g, e))
+
+
+def _weights(layout: Layout, change: Reals, extra: Reals, shape: tuple[int, int, int]) -> Weights:
+    """Weights from changes (n, s, d) of errors by a deviation of each part of the start."""
+    s, g, e = shape
+    own = np.tile(layout.sigma**2 + extra**2, g)
+    covariance = np.einsum("nsd,nse->sde", change, change)
+    covariance[:, np.arange(g * e), np.arange(g * e)] += own
+    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+    spread = np.sqrt(np.einsum("sdd->sd", covariance)).reshape(s, g, e)
+    return Weights(inverse, spread, extra)
+
+
+def unexplained(weights: Weights, predictor: Predictor, errors: Reals, before: Reals) -> Reals:
+    """The deviation (e,) of errors (s, g, e) beyond what measurement and starts give them: what the model
+    does not explain, by medians."""
+    counts = predictor.spans.counts
+    ratio = np.median(np.abs(errors[counts]) / weights.spread[counts], axis=0) / NORMAL_MEDIAN
+    typical = np.median(weights.spread[counts], axis=0)
+    more = np.sqrt(np.maximum(ratio**2 - 1.0, 0.0)) * typical
+    return np.asarray(np.hypot(before, np.where(ratio > 1.2, more, 0.0)))

@@ -1,0 +1,128 @@
+"""Measured motions: what they take, what they refuse, and the velocities that follow from places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.fitting.layout import turn_between
+from rungwise.fitting.smoothing import deviation, smooth
+
+from .drops import NAMES, SCENE, drops
+
+TIMES = np.arange(5) * 0.1
+PLACES = np.zeros((2, 5, 3))
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"places": np.zeros((2, 5, 2))}, r"places.0: must have the shape \(k, 3\), not \(5, 2\)"),
+        ({"places": np.zeros((2, 2, 3))}, "places.0: has 2 frames, and needs at least 3"),
+        ({"places": "x"}, "places.0: must be numbers in an array, not 'x'"),
+        ({"times": TIMES[::-1]}, "times.0: must ascend, and do not at frame 1"),
+        ({"times": TIMES[:4]}, r"times.0: must have the shape \(5,\), not \(4,\)"),
+        ({"times": [TIMES]}, "times: are of 1 trials, and places of 2"),
+        ({"velocities": PLACES[:, :4]}, "velocities.0: has 4 frames, and places.0 5"),
+        ({"units": {"square.x": "mil"}}, "units.square.x: unknown unit 'mil'"),
+        ({"units": {"x": "mm"}}, "units: unknown 'x'"),
+        ({"deviations": {"square.x": 0.0}}, "deviations.square.x: must be a number greater than 0"),
+        ({"parameters": {"mu": [0.1, 0.2, 0.3]}}, r"parameters.mu: must be a number or \(2,\), not \(3,\)"),
+        ({"inputs": {"u": np.zeros((2, 4))}}, "inputs.u.0: must be 5 finite numbers, one a frame"),
+        ({"coordinates": ("square.x", "square.x", "square.y")}, "coordinates: square.x is twice"),
+        ({"places": PLACES * np.nan}, "places.0: a column has no number"),
+    ],
+)
+def test_wrong_motions_are_one_line(given: dict[str, Any], line: str) -> None:
+    whole = {"coordinates": NAMES, "times": TIMES, "places": PLACES} | given
+    with pytest.raises(rw.MotionError, match=line):
+        rw.Motions(**whole)
+
+
+def test_names_that_the_scene_does_not_have_are_refused() -> None:
+    motions = rw.Motions(("square.z", "square.y"), TIMES, PLACES[..., :2])
+    with pytest.raises(rw.MotionError, match=r"coordinates: unknown 'square.z'"):
+        rw.fit(SCENE, "dynamic-rigid", motions, "mu")
+    known = rw.Motions(NAMES, TIMES, PLACES, parameters={"mo": 0.1})
+    with pytest.raises(rw.MotionError, match="parameters: unknown 'mo'"):
+        rw.fit(SCENE, "dynamic-rigid", known, "mu")
+    asked = rw.Motions(NAMES, TIMES, PLACES, parameters={"mu": 0.1})
+    with pytest.raises(rw.MotionError, match=r"parameters.mu: is known in the motions"):
+        rw.fit(SCENE, "dynamic-rigid", asked, "mu")
+
+
+def test_units_become_those_of_the_scene() -> None:
+    motions = rw.Motions(
+        NAMES, TIMES * 1e3, np.full((1, 5, 3), 90.0),
+        units={"time": "ms", "square.x": "mm", "square.angle": "deg"}, deviations={"square.x": 1.0},
+    )  # fmt: skip
+    trial = motions.trials[0]
+    assert trial.q[0] == pytest.approx([0.09, 90.0, np.pi / 2])
+    assert trial.times == pytest.approx(TIMES) and motions.deviations == {"square.x": 1e-3}
+
+
+def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
+    motions = drops(3, 10)
+    motions.trials[1].q[4, 0] = np.nan
+    motions.save(tmp_path / "drops.csv")
+    again = rw.Motions.from_csv(tmp_path / "drops.csv", deviations=motions.deviations)
+    assert again.coordinates == motions.coordinates and again.rates == motions.rates and len(again) == 3
+    for one, other in zip(motions.trials, again.trials, strict=True):
+        assert np.array_equal(one.q, other.q, equal_nan=True) and np.array_equal(one.times, other.times)
+
+
+def test_a_table_tells_units_known_parameters_and_inputs(tmp_path: Path) -> None:
+    file = tmp_path / "pushes.csv"
+    file.write_text("time [ms],part.x [mm],mu,v\n0,0,0.3,1\n10,1,0.3,2\n20,3,0.3,3\n")
+    trial = rw.Motions.from_csv(file).trials[0]
+    assert trial.parameters == {"mu": 0.3} and trial.inputs["v"].tolist() == [1.0, 2.0, 3.0]
+    assert trial.q[:, 0] == pytest.approx([0.0, 1e-3, 3e-3]) and trial.times[-1] == pytest.approx(0.02)
+    file.write_text("time,part.x\n0,0\n1,a\n2,0\n")
+    with pytest.raises(rw.MotionError, match=r"part.x in row 2 is no number: 'a'"):
+        rw.Motions.from_csv(file)
+    with pytest.raises(rw.MotionError, match="cannot be read as a table"):
+        rw.Motions.from_csv(tmp_path / "none.csv")
+
+
+def test_runs_are_motions() -> None:
+    state = rw.State.of(rw.load(SCENE), {"square.y": 0.05})
+    run = rw.simulate(SCENE, "dynamic-rigid", state=state, duration=0.2, tol=1e-3)
+    motions = rw.Motions.from_runs(run)
+    assert motions.coordinates == NAMES and motions.trials[0].v is not None
+    assert motions.trials[0].q[0] == pytest.approx([0.0, 0.05, 0.0])
+
+
+def test_trials_are_split_without_a_rest() -> None:
+    first, others = drops(5, 5).split(0.6, seed=3)
+    assert len(first) == 3 and len(others) == 2
+    with pytest.raises(rw.MotionError, match=r"share: 1.0 of 5 trials leaves one part empty"):
+        drops(5, 5).split(1.0)
+
+
+def test_rates_of_a_fall_are_exact_and_a_kink_bends_those_beside_it_only() -> None:
+    times = np.arange(40) * 0.01
+    fall = np.column_stack([1.0 - 4.9 * times**2])
+    found = smooth(times, fall, np.arange(40))
+    assert found.rates[:, 0] == pytest.approx(-9.8 * times, abs=1e-9) and found.scatter.max() < 1e-12
+    kinked = np.abs(times - 0.2)[:, None]
+    rates = smooth(times, kinked, np.arange(40)).rates[:, 0]
+    assert rates[:20] == pytest.approx(-1.0) and rates[21:] == pytest.approx(1.0)
+
+
+def test_scatter_is_the_deviation_of_the_noise() -> None:
+    rng, times = np.random.default_rng(0), np.arange(2000) * 0.01
+    found = smooth(times, rng.normal(size=(2000, 1)) * 0.3, np.arange(3, 2000, 7))
+    assert deviation(found.scatter, 2000) == pytest.approx(0.3, rel=0.15)
+
+
+def test_turns_between_quaternions_are_vectors_about_the_body() -> None:
+    half = 0.3
+    a, b = np.array([1.0, 0.0, 0.0, 0.0]), np.array([np.cos(half), 0.0, np.sin(half), 0.0])
+    assert turn_between(a, b) == pytest.approx([0.0, 0.6, 0.0])
+    assert turn_between(a, -b) == pytest.approx([0.0, 0.6, 0.0])
+    assert turn_between(b, a) == pytest.approx([0.0, -0.6, 0.0])
+    assert turn_between(b, b) == pytest.approx(np.zeros(3))
