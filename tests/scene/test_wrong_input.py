@@ -23,6 +23,7 @@ WHOLE: dict[str, Any] = {
         "p": {"default": 0.5, "range": [0.0, 1.0], "unit": "N*s/m", "about": "any"},
         "u": {"default": 0.5},
     },
+    "units": {"length": "m", "mass": "kg", "time": "s"},
     "inputs": ["u"],
     "gravity": [0.0, -9.81],
     "bodies": {

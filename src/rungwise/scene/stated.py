@@ -20,10 +20,12 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.errors import STRICT, SceneError, out_of_range
+from rungwise.scene.fields.fields import conversions_of
 from rungwise.scene.fields.stated import Stated
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.language.expression import SLOTS, STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import OF_CONTACTS, Names
+from rungwise.scene.language.units import Conversion
 from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain, parameter_values
 from rungwise.scene.template.task import check_fingers, check_task
 
@@ -44,7 +46,8 @@ def read_fields(fields: type[Fields], data: object) -> Fields:
 @dataclass(frozen=True)
 class NameTemplate:
     """What expressions, schedules and states speak of: names of parameters, inputs, bodies, coordinates
-    (n_q,), velocities (n_v,), pairs of bodies that may touch, and the first coordinate of each quaternion."""
+    (n_q,), velocities (n_v,), pairs of bodies that may touch, the first coordinate of each quaternion, and
+    which parameters are converted where they are read."""
 
     parameters: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -53,10 +56,13 @@ class NameTemplate:
     velocities: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]
     turns: tuple[int, ...] = ()
+    units: Mapping[str, Conversion] = field(default_factory=dict)
 
     def names(self) -> Names:
         """The names that expressions may use."""
-        return Names(self.parameters, self.coordinates, self.contacts, self.velocities, self.bodies)
+        return Names(
+            self.parameters, self.coordinates, self.contacts, self.velocities, self.bodies, self.units
+        )
 
     @property
     def value_count(self) -> int:
@@ -101,6 +107,10 @@ class StatedScene:
     world: ClassVar[str]
     self_contained: ClassVar[bool] = True
     farthest: ClassVar[float] = FARTHEST
+
+    def __post_init__(self) -> None:
+        units = conversions_of(self.file.parameters, self.file.units)
+        object.__setattr__(self, "template", replace(self.template, units=units))
 
     def __eq__(self, other: object) -> bool:
         """Scenes of one class are equal where their content is."""

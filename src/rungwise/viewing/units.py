@@ -4,8 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 BASES = {"length": "m", "time": "s", "force": "N"}
+
+
+def units_of(file: Any) -> dict[str, str]:
+    """The units in which a scene says that it counts; else what its parameters agree on."""
+    if file.units is None:
+        return common_units(each.unit for each in file.parameters.values())
+    own = file.units
+    is_si = (own.length, own.mass, own.time) == ("m", "kg", "s")
+    return {"length": own.length, "time": own.time, "force": "N" if is_si else ""}
 
 
 def common_units(declared: Iterable[str]) -> dict[str, str]:

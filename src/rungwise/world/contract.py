@@ -22,7 +22,6 @@ from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
-    from rungwise.simulation.saved import Saved
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
@@ -39,9 +38,8 @@ Told = Callable[[int], None]
 
 
 class Places(NamedTuple):
-    """Where m runs have come to: q (m, n_q), v (m, n_v), time (m,), and the memories to go on from: rows
-    (m, w), or (m,) arrays where their lengths differ. A run goes on from its memory where `goes_on` (m,)
-    holds, and otherwise begins there, at rest in its contacts."""
+    """Where m runs have come to: q (m, n_q), v (m, n_v), time (m,), memories, rows (m, w) or (m,) arrays of
+    several lengths. Where `goes_on` (m,) a run goes on from its memory, elsewhere it begins at rest."""
 
     q: Reals
     v: Reals
@@ -269,8 +267,7 @@ class Place(Protocol):
         """Values of terms (m, k). Raises StateError, and TimeOver."""
 
     def geometry(self, states: States, deadline: Deadline = NEVER) -> tuple[Reals, NDArray[np.bool_], Reals]:
-        """Gaps (m, c), collisions (m,), and poses (m, b, 3), in space (m, b, 7). Raises StateError, and
-        TimeOver."""
+        """Gaps (m, c), collisions (m,), poses (m, b, 3), in space (m, b, 7). Raises StateError, TimeOver."""
 
     def overlap(self, state: State) -> str:
         """Which bodies overlap most at a state; empty where none do."""
@@ -286,9 +283,8 @@ class Marks(Protocol):
 
 
 class World(Protocol):
-    """A scene and what can be asked of it. shapes: what its bodies are (see `OUTLINES`); comparison_steps and
-    replanning_steps: most steps of one run of a comparison, and of planning one move anew, by what a step
-    costs."""
+    """A scene and its questions. shapes: what its bodies are (see `OUTLINES`); comparison_steps and
+    replanning_steps: most steps of one run of a comparison, and of planning one move anew."""
 
     shapes: str
     comparison_steps: int
@@ -300,8 +296,8 @@ class World(Protocol):
     def simulation(self, model: Rung | str, **options: Any) -> Any:
         """A run that is taken in turns; options are fields of `RunOptions`."""
 
-    def saved(self, saved: Saved) -> Any:
-        """The run of this scene that a folder holds. Raises StateError where another version saved it."""
+    def saved(self, saved: Any) -> Any:
+        """The run that a folder holds (see `simulation.saved.Saved`). Raises StateError."""
 
     def runs(
         self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,

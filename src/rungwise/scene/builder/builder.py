@@ -30,6 +30,7 @@ class SceneBuilder:
         name: str,
         *,
         about: str | None = None,
+        units: Mapping[str, str] | None = None,
         gravity: Pair | None = None,
         goal: str | None = None,
         unsafe: str | None = None,
@@ -40,6 +41,7 @@ class SceneBuilder:
         task: Part | None = None,
     ) -> None:
         self.name, self.about, self.gravity = name, about, gravity
+        self.units = None if units is None else dict(units)
         self.goal, self.unsafe, self.doomed = goal, unsafe, doomed
         self.tolerance, self.duration, self.step, self.task = tolerance, duration, step, task
         self.parameters: dict[str, Part] = {}
@@ -156,8 +158,8 @@ class SceneBuilder:
 
     def data(self) -> dict[str, Any]:
         """The content of the scene file."""
-        empty = [key for key, value in vars(self).items() if isinstance(value, dict | list) and not value]
-        return part(None, {key: value for key, value in vars(self).items() if key not in empty})
+        given = {k: x for k, x in vars(self).items() if k == "units" or not isinstance(x, dict | list) or x}
+        return part(None, given)
 
     def load(self) -> Scene:
         """The scene, read and checked. Raises SceneError: one line that names the field."""

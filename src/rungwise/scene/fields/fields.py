@@ -1,11 +1,13 @@
 """The fields of a scene file: bodies, motion, drives, contacts, goal (pydantic models); shapes in `shapes`.
 
 Every `Number` is a number or an expression of the scene's parameters (see `expression`); numbers marked
-*timed* may also use the time ``t``. Units are the scene's own, as long as they are consistent.
+*timed* may also use the time ``t``. Units are the scene's own, as long as they are
+consistent; parameters are converted (see `language.units`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -15,7 +17,8 @@ from rungwise.scene.fields.kinds import kinds
 from rungwise.scene.fields.shapes import Shape, Shapes
 from rungwise.scene.fields.strict import Strict
 from rungwise.scene.fields.task import Task
-from rungwise.scene.fields.values import Finite, Name, Number, Pair, Pattern, Text, Unit
+from rungwise.scene.fields.values import Finite, Name, Number, Pair, Pattern, Text, Unit, of_dimension
+from rungwise.scene.language.units import Conversion, conversions
 
 
 class Parameter(Strict):
@@ -282,6 +285,20 @@ class Potential(Strict):
     on: tuple[Text, ...] | None = None
 
 
+class Units(Strict):
+    """The units in which a scene counts; forces are in what is made of them, such as g*mm/ms^2."""
+
+    length: Annotated[Unit, of_dimension(1, 0, 0)] = "m"
+    mass: Annotated[Unit, of_dimension(0, 1, 0)] = "kg"
+    time: Annotated[Unit, of_dimension(0, 0, 1)] = "s"
+
+
+def conversions_of(parameters: Mapping[str, Parameter], units: Units | None) -> dict[str, Conversion]:
+    """For each parameter whose unit is not the scene's, how it is converted. Raises SceneError."""
+    own = None if units is None else units.model_dump()
+    return conversions({name: each.unit for name, each in parameters.items()}, own)
+
+
 class SceneFile(Strict):
     """A whole scene as written: see `Scene` for one that has been read and checked.
 
@@ -292,6 +309,7 @@ class SceneFile(Strict):
     name: Name
     about: Text = ""
     parameters: dict[Name, Parameter] = {}
+    units: Units | None = None
     inputs: tuple[Name, ...] = ()
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=2000)]

@@ -8,7 +8,7 @@ from typing import Self
 from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from rungwise.scene.fields.fields import Parameter
+from rungwise.scene.fields.fields import Parameter, Units
 from rungwise.scene.fields.strict import Strict
 from rungwise.scene.fields.task import Task
 from rungwise.scene.fields.values import Name, Number, Text
@@ -22,6 +22,7 @@ class Stated(Strict):
     name: Name
     about: Text = ""
     parameters: dict[Name, Parameter] = {}
+    units: Units | None = None
     inputs: tuple[Name, ...] = ()
     goal: Text | None = None
     unsafe: Text | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import keyword
 import math
-import re
 from typing import Annotated
 
 import numpy as np
@@ -12,11 +11,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from rungwise.errors import InputError
+from rungwise.scene.language.units import BASES, PREFIXES, UNIT, measured, symbols
 
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
-_UNIT = re.compile(r"1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*")
-_BASE_UNITS = {"m", "g", "s", "N", "J", "W", "Pa", "Hz", "rad", "deg"}
-_PREFIXES = ("", "k", "M", "G", "c", "m", "u", "µ", "n")
 
 
 def _no_keyword(name: str) -> str:
@@ -82,20 +79,29 @@ def within(low: int, high: int) -> BeforeValidator:
 
 
 def _unit(value: object) -> object:
-    if not isinstance(value, str) or not _UNIT.fullmatch(value):
+    if not isinstance(value, str) or not UNIT.fullmatch(value):
         raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
-    for symbol in re.findall(r"[A-Za-zµ]+", value):
-        if not any(symbol == prefix + base for prefix in _PREFIXES for base in _BASE_UNITS):
-            raise PydanticCustomError(
-                "unit",
-                "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}",
-                {
-                    "symbol": repr(symbol[:60]),
-                    "bases": " ".join(sorted(_BASE_UNITS)),
-                    "prefixes": " ".join(_PREFIXES[1:]),
-                },
-            )
+    try:
+        symbols(value)
+    except ValueError as error:
+        told = {"symbol": repr(str(error)[:60]), "bases": " ".join(sorted(BASES))}
+        told["prefixes"] = " ".join([*PREFIXES][1:])
+        raise PydanticCustomError(
+            "unit", "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}", told
+        ) from None
     return value
+
+
+def of_dimension(*powers: int) -> AfterValidator:
+    """Require a unit of these powers of length, mass and time."""
+    kind = ("length", "mass", "time")[powers.index(1)]
+
+    def checked(unit: str) -> str:
+        if measured(unit)[1:] != (powers, 0):
+            raise PydanticCustomError("unit", "must be a unit of {kind}", {"kind": kind})
+        return unit
+
+    return AfterValidator(checked)
 
 
 Text = Annotated[str, BeforeValidator(_text)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from rungwise.scene.language.expression import (
     evaluate,
 )
 from rungwise.scene.language.lasting import FOR, REST, ExpressionError, restored, rewritten
+from rungwise.scene.language.units import Conversion, converted
 
 MAX_LENGTH = 2000
 MAX_NODES = 300
@@ -53,11 +55,13 @@ def compile_expression(
     *,
     condition: bool = False,
     slots: Sequence[int] = (),
+    units: Mapping[str, Conversion] = MappingProxyType({}),
 ) -> Code:
     """Bytecode of `text`.
 
     `lookup` resolves names to slots; `choices` says what is valid in place of an unknown name; `slots` are
-    those of times since when parts hold, none where that is not known. Raises ExpressionError, with one line
+    those of times since when parts hold, none where that is not known; `units` says how names are converted
+    where they are read. Raises ExpressionError, with one line
     that names the fault.
     """
     if len(text) > MAX_LENGTH:
@@ -73,6 +77,7 @@ def compile_expression(
         raise ExpressionError(f"{restored(text)[:60]!r} is not an expression") from None
     if sum(1 for _ in ast.walk(tree)) > MAX_NODES:
         raise ExpressionError(f"more than {MAX_NODES} terms")
+    tree = converted(tree, units)
     compiler = _Compiler(text, lookup, choices, list(slots))
     if condition:
         compiler.condition(tree, needed=True)

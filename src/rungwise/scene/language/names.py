@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rungwise.scene.errors import SceneError
 from rungwise.scene.language.compiler import compile_expression
 from rungwise.scene.language.expression import CONDITIONS, CONSTANTS, FUNCTIONS, SLOTS, TIMES, Code
 from rungwise.scene.language.lasting import REST, ExpressionError
+from rungwise.scene.language.units import Conversion
 from rungwise.wording import choices
 
 OF_CONTACTS = ("gap", "force", "impulse")
@@ -17,7 +19,8 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `velocities` are what `speed` takes, the coordinates if not given; `bodies` what `rest` takes. `read`
+    `velocities` are what `speed` takes, the coordinates if not given; `bodies` what `rest` takes,
+    `units` says which parameters are converted. `read`
     collects, for each function of `OF_CONTACTS`, the contacts for which some condition calls it.
     """
 
@@ -28,13 +31,14 @@ class Names:
         contacts: tuple[tuple[str, str], ...],
         velocities: tuple[str, ...] | None = None,
         bodies: tuple[str, ...] = (),
+        units: Mapping[str, Conversion] = MappingProxyType({}),
     ) -> None:
         for name in parameters:
             if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
         self.velocities = coordinates if velocities is None else velocities
-        self.bodies = bodies
+        self.bodies, self.units = bodies, units
         self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
 
     def number(self, text: str, path: str, timed: bool = False) -> Code:
@@ -45,7 +49,7 @@ class Names:
             return names.index(dotted[0]) if not function and dotted[0] in names else None
 
         try:
-            return compile_expression(text, lookup, lambda name: choices(name, names))
+            return compile_expression(text, lookup, lambda name: choices(name, names), units=self.units)
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
 
@@ -56,7 +60,12 @@ class Names:
             return Code()
         try:
             return compile_expression(
-                text, self.of_state, self._state_choices, condition=True, slots=self.slots(lasts)
+                text,
+                self.of_state,
+                self._state_choices,
+                condition=True,
+                slots=self.slots(lasts),
+                units=self.units,
             )
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None

@@ -86,7 +86,7 @@ def terms_of(
         operands, parts = [node.left, *node.comparators], []
         for i, op in enumerate(node.ops):
             own = ast.unparse(ast.Compare(operands[i], [op], [operands[i + 1]]))
-            code = compile_expression(own, names.of_state, lambda _: "", condition=True)
+            code = compile_expression(own, names.of_state, lambda _: "", condition=True, units=names.units)
             met = [_dimension(side, names, dimensions) for side in operands[i : i + 2]]
             terms.append(Term(own, code, _shared(met)))
             parts.append(len(terms) - 1)
@@ -97,7 +97,7 @@ def terms_of(
         pair = lasting_of(node)
         if pair is None:
             own = ast.unparse(node)
-            code = compile_expression(own, names.of_state, lambda _: "", condition=True)
+            code = compile_expression(own, names.of_state, lambda _: "", condition=True, units=names.units)
             terms.append(Term(own, code, LENGTH))
             return len(terms) - 1
         inner = taken(pair[0])
@@ -105,7 +105,9 @@ def terms_of(
             return inner
         own, slot = written(node)[1:-1], slots.pop(0)
         left = f"0 >= 0 for {ast.unparse(pair[1])}"
-        code = compile_expression(left, names.of_state, lambda _: "", condition=True, slots=[slot])
+        code = compile_expression(
+            left, names.of_state, lambda _: "", condition=True, slots=[slot], units=names.units
+        )
         terms.append(Term(own, code, TIME))
         return "and", [inner, len(terms) - 1]
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from rungwise.scene.fields.fields import Parameter
+from rungwise.scene.fields.fields import Parameter, Units
 from rungwise.scene.fields.shapes import MANY, ONE
 from rungwise.scene.fields.stated import check_inputs
 from rungwise.scene.fields.strict import Strict
@@ -81,6 +81,7 @@ class SpaceFile(Strict):
     name: Name
     about: Text = ""
     parameters: dict[Name, Parameter] = {}
+    units: Units | None = None
     inputs: tuple[Name, ...] = ()
     model: Model
     contacts: Annotated[tuple[Contact, ...], Field(max_length=ENTRIES)] = ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.scene.drawings.outline import convex_pieces
 from rungwise.scene.errors import SceneError
-from rungwise.scene.fields.fields import Contact, Coordinate, Hinge, SceneFile, Slide
+from rungwise.scene.fields.fields import Contact, Coordinate, Hinge, SceneFile, Slide, conversions_of
 from rungwise.scene.fields.shapes import Outline, Polygon, Shape
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import Number, Pair, shown
@@ -45,7 +45,10 @@ class _Builder:
         self.joints = tuple(scene.joints)
         self.matched = list(matched(scene))
         self.contacts = tuple(pair for pair, _, _ in self.matched)
-        self.names = Names(self.parameters, self.coordinates, self.contacts, bodies=self.bodies)
+        self.units = conversions_of(scene.parameters, scene.units)
+        self.names = Names(
+            self.parameters, self.coordinates, self.contacts, bodies=self.bodies, units=self.units
+        )
         self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.pairs = list(islice(shape_pairs(self.shapes, self.contacts), MAX_PAIRS + 1))
         if len(self.pairs) > MAX_PAIRS:
@@ -130,6 +133,7 @@ class _Builder:
             coordinates=self.coordinates,
             contacts=self.contacts,
             joints=self.joints,
+            units=self.units,
         )
 
     def _body(self, index: int) -> None:

@@ -12,6 +12,7 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.language.expression import SLOTS, Programs
 from rungwise.scene.language.names import Names
+from rungwise.scene.language.units import Conversion
 
 
 class Numbers(Block):
@@ -56,7 +57,8 @@ class Template:
     nominal step, and the goal's tolerance. `conditions` are goal, unsafe, doomed, and where some part
     must hold for a time, for each slot a program of that part and one of its time. `speeds` (of drives)
     and `timed` (all others) are the programs that read t (then `reads_time`) or inputs; `readers` are the
-    paths of the numbers that follow each input. With `awaits_time` a condition reads t."""
+    paths of the numbers that follow each input. With `awaits_time` a condition reads t;
+    `units` says which parameters are converted where they are read."""
 
     counts: tuple[int, ...]
     buffer: NDArray[np.float64]
@@ -77,10 +79,11 @@ class Template:
     coordinates: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]
     joints: tuple[str, ...]
+    units: Mapping[str, Conversion]
 
     def names(self) -> Names:
         """The names that expressions may use."""
-        return Names(self.parameters, self.coordinates, self.contacts, bodies=self.bodies)
+        return Names(self.parameters, self.coordinates, self.contacts, bodies=self.bodies, units=self.units)
 
     @property
     def velocities(self) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
-from rungwise.viewing.units import common_units
+from rungwise.viewing.units import units_of
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +82,7 @@ class Clip:
 
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
     (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
-    `push` holds, and `units` what is known of the scene's (see `common_units`). A joint is a body and a point
+    `push` holds, and `units` what is known of the scene's (see `units_of`). A joint is a body and a point
     of this body, in its own frame. `raised` (frames, bodies) is how high bodies are above the plane.
     """
 
@@ -214,7 +214,7 @@ def _clip(
         push=_pushes(records, force),
         push_is=push_is,
         touches=touches,
-        units=common_units(each.unit for each in scene.file.parameters.values()),
+        units=units_of(scene.file),
         raised=raised,
     )
 

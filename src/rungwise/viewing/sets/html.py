@@ -22,7 +22,7 @@ from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.plane.extent import bounds, largest_force
 from rungwise.viewing.plane.html import STAGE, clip_data
 from rungwise.viewing.skeleton import LARGEST, Kind, bytes_of, fill, quantised
-from rungwise.viewing.units import common_units
+from rungwise.viewing.units import units_of
 
 OWN = files("rungwise.viewing.sets") / "page"
 KIND = Kind(
@@ -133,7 +133,7 @@ def _data(found: Sequence[FeasibleSet]) -> dict[str, Any]:
             {"name": name, "unit": _unit(declared[name].unit), "low": low, "high": high}
             for name, (low, high) in zip(first.over, first.box.tolist(), strict=True)
         ],
-        "units": common_units(each.unit for each in declared.values()),
+        "units": units_of(first.scene.file),
         "cells": cells,
         "tol": first.tol,
         "labels": [str(label) for label in Label],
