@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from rungwise.content import ByContent
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
@@ -27,8 +28,8 @@ class Residual:
     expected: float
 
 
-@dataclass(frozen=True, repr=False)
-class Fit:
+@dataclass(frozen=True, repr=False, eq=False)
+class Fit(ByContent):
     """Parameters of a scene from motions, on a rung.
 
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
