@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from rungwise.contact.block_factors import Pattern, add, add_product, clear, plan
+from rungwise.contact.block_factors import add, add_product, clear, plan
 from rungwise.contact.block_factors import factorise as factorise_blocks
 from rungwise.contact.block_factors import substitute as substitute_blocks
+from rungwise.contact.least_degree import Pattern, eliminate, join
 from rungwise.contact.linear import factorise, solve_in_place, substitute, substitute_many
 
 
@@ -41,8 +42,9 @@ def test_singular_systems_are_noticed():
     assert not factorise(a[:, :2].copy(), 2, np.zeros(2, np.int64))
 
 
+@pytest.mark.parametrize("symmetric", [False, True])
 @pytest.mark.parametrize("bodies", [1, 2, 7, 20])
-def test_factors_by_blocks_are_those_of_the_whole(bodies):
+def test_factors_by_blocks_are_those_of_the_whole(bodies, symmetric):
     """Bodies of one to seven velocities, and groups that touch one, two or three of them."""
     rng = np.random.default_rng(bodies)
     for _ in range(5):
@@ -68,10 +70,34 @@ def test_factors_by_blocks_are_those_of_the_whole(bodies):
             add(blocks, i, j, whole[i, j])
         for t in touched:
             W, E = rng.normal(size=(3, len(t))), np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+            E = 0.5 * (E + E.T) if symmetric else E
             add_product(blocks, t, 0, E, W, np.empty(3 * len(t)))
             whole[np.ix_(t, t)] += W.T @ E @ W
-        assert factorise_blocks(blocks)
+        assert factorise_blocks(blocks, symmetric)
         b = rng.normal(size=n)
         x = b.copy()
         substitute_blocks(blocks, x)
         assert whole @ x == pytest.approx(b, abs=1e-7)
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 9, 40, 140])
+def test_nodes_are_eliminated_in_the_order_of_least_degree(nodes):
+    """Beside all degrees, counted anew at each elimination."""
+    rng = np.random.default_rng(nodes)
+    for density in (0.0, 0.03, 0.1, 0.3, 1.0):
+        near = np.triu(rng.random((nodes, nodes)) < density, 1)
+        near |= near.T
+        bits = np.zeros((nodes, nodes), np.int64)
+        for a, b in zip(*near.nonzero(), strict=True):
+            join(bits, a, b)
+        place, start, later = eliminate(bits)
+        left = list(range(nodes))
+        for p in range(nodes):
+            pivot = min(left, key=lambda i: (near[i].sum(), i))
+            joined = np.flatnonzero(near[pivot])
+            assert place[pivot] == p
+            assert later[start[p] : start[p + 1]].tolist() == sorted(place[joined])
+            near[np.ix_(joined, joined)] = True
+            near[pivot] = near[:, pivot] = False
+            np.fill_diagonal(near, False)
+            left.remove(pivot)

@@ -132,3 +132,20 @@ def test_a_pyramid_stands(model: rw.Rung) -> None:
     run = rw.simulate(on_ground(pyramid(9), duration=0.02), model)
     assert run.outcome.name == "timeout" and run.worst_residual <= 1e-9
     assert np.abs(run.workspace.state.v).max() <= 1e-9 + (0.01 if model.compliant else 0.0)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("model", "tol"), [(DYNAMIC[0], None), (DYNAMIC[1], None), (DYNAMIC[1], 1e-2)])
+def test_slots_of_pairs_that_are_not_listed_need_no_copy(model: rw.Rung, tol: float | None) -> None:
+    """A heap that falls, beside the same one whose slots are all copied and cleared in each step."""
+    scene = on_ground(heap(20, 3), duration=10.0, step=2e-3)
+    runs = [rw.Simulation(scene, model, tol=tol, frames=120) for _ in range(2)]
+    for _ in range(120):
+        for run, copies in zip(runs, (False, True), strict=True):
+            run.advance(1)
+            assert run.workspace is not None
+            if copies:
+                run.workspace.state.manifolds.turn[0] += 1
+    for name in ("memory", "impulse"):
+        ours, other = (getattr(run.workspace.frames, name) for run in runs)  # type: ignore[union-attr]
+        np.testing.assert_array_equal(ours, other)
+    assert runs[0].workspace.state.manifolds.turn[0] > 3  # type: ignore[union-attr]

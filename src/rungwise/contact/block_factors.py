@@ -9,28 +9,15 @@ positive definite: the equations are corrected by their remainder, and the resid
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rungwise.contact.least_degree import Pattern, eliminate, joined
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _WIDE = 3
 """Velocities of a node, at most: those of a free body."""
-_NONE = -1
-
-Bytes: TypeAlias = NDArray[np.uint8]
-
-
-class Pattern(NamedTuple):
-    """Where a matrix has entries: H_first (n + 1,), where the rows of H begin in H_column; first (g + 1,),
-    where the velocities begin in `column` that groups touch, each of which couples all of its own."""
-
-    H_first: Ints
-    H_column: Ints
-    first: Ints
-    column: Ints
 
 
 class Factors(NamedTuple):
@@ -63,17 +50,7 @@ def plan(pattern: Pattern) -> Factors:
     """Factors of a pattern, their blocks yet to be filled."""
     n = len(pattern.H_first) - 1
     node, slot, count = _nodes(pattern)
-    near = np.zeros((count, count), np.uint8)
-    for i in range(n):
-        for e in range(pattern.H_first[i], pattern.H_first[i + 1]):
-            a, b = node[i], node[pattern.H_column[e]]
-            near[a, b] = near[b, a] = 1
-    for g in range(len(pattern.first) - 1):
-        for e in range(pattern.first[g], pattern.first[g + 1]):
-            for f in range(pattern.first[g], e):
-                a, b = node[pattern.column[e]], node[pattern.column[f]]
-                near[a, b] = near[b, a] = 1
-    place, start, later = _eliminate(near)
+    place, start, later = eliminate(joined(pattern, node, count))
     size = np.zeros(count, np.int64)
     for i in range(n):
         node[i] = place[node[i]]
@@ -118,61 +95,6 @@ def _nodes(pattern: Pattern) -> tuple[Ints, Ints, int]:
             count += 1
         node[i] = count - 1
     return node, slot, count
-
-
-@allocating_kernel
-def _eliminate(near: Bytes) -> tuple[Ints, Ints, Ints]:
-    """Places of nodes in the order of least degree, and the nodes after each that it is joined with then:
-    start (N + 1,) and later. Fills `near`, whose entries say which nodes are joined."""
-    count = len(near)
-    degree, place = np.zeros(count, np.int64), np.full(count, _NONE)
-    order, start = np.empty(count, np.int64), np.zeros(count + 1, np.int64)
-    room = 8 * count
-    joined = np.empty(room, np.int64)
-    for i in range(count):
-        near[i, i] = 0
-    for i in range(count):
-        for j in range(count):
-            degree[i] += near[i, j]
-    for p in range(count):
-        pivot = _NONE
-        for i in range(count):
-            if place[i] == _NONE and (pivot == _NONE or degree[i] < degree[pivot]):
-                pivot = i
-        order[p], place[pivot] = pivot, p
-        first, end = start[p], start[p]
-        if first + degree[pivot] > room:
-            room = 2 * room + degree[pivot]
-            more = np.empty(room, np.int64)
-            more[:first] = joined[:first]
-            joined = more
-        for j in range(count):
-            if near[pivot, j] != 0:
-                joined[end] = j
-                end += 1
-        start[p + 1] = end
-        for e in range(first, end):
-            row = near[joined[e]]
-            row[pivot] = 0
-            degree[joined[e]] = _spread(near[pivot], row, joined[e])
-    later = joined[: start[count]].copy()
-    for e in range(len(later)):
-        later[e] = place[later[e]]
-    for p in range(count):
-        later[start[p] : start[p + 1]].sort()
-    return place, start, later
-
-
-@inner_kernel
-def _spread(source: Bytes, target: Bytes, own: int) -> int:
-    """Join the node `own`, whose row is `target`, with all that `source` is; returns its degree."""
-    degree = 0
-    for j in range(len(source)):
-        target[j] |= source[j]
-        degree += target[j]
-    degree -= target[own]
-    target[own] = 0
-    return int(degree)
 
 
 @inner_kernel
@@ -258,8 +180,9 @@ def clear(factors: Factors) -> None:
 
 
 @kernel
-def factorise(factors: Factors) -> bool:
-    """Factor the matrix in place; False where a block on the diagonal is singular."""
+def factorise(factors: Factors, symmetric: bool) -> bool:
+    """Factor the matrix in place, by its lower half alone if it is symmetric; False where a block on the
+    diagonal is singular."""
     start, later, where = factors.start, factors.later, factors.where
     lower, upper, diagonal = factors.lower, factors.upper, factors.diagonal
     for p in range(len(factors.size)):
@@ -271,10 +194,13 @@ def factorise(factors: Factors) -> bool:
             for e in range(own + 1, end):
                 target = where[later[e]]
                 _subtract(lower[e], upper[own], lower[target])
-                _subtract(lower[own], upper[e], upper[target])
+                if not symmetric:
+                    _subtract(lower[own], upper[e], upper[target])
         if not _invert(diagonal[p]):
             return False
         for e in range(start[p], start[p + 1]):
+            if symmetric:
+                _transpose(lower[e], upper[e])
             _scale(lower[e], diagonal[p])
     return True
 
@@ -285,6 +211,14 @@ def _subtract(a: Reals, b: Reals, target: Reals) -> None:
     for i in range(0, 9, 3):
         for j in range(3):
             target[i + j] -= a[i] * b[j] + a[i + 1] * b[3 + j] + a[i + 2] * b[6 + j]
+
+
+@inner_kernel
+def _transpose(a: Reals, target: Reals) -> None:
+    """target = a^T, of blocks."""
+    for i in range(3):
+        for j in range(3):
+            target[3 * i + j] = a[3 * j + i]
 
 
 @inner_kernel

@@ -149,6 +149,7 @@ def _hand_on(memory: Memory, compliant: bool, workspace: Workspace) -> None:
     def before(name: str) -> Any:
         return in_memory(now, name, memory.values[None])[0]
 
+    now.manifolds.turn[0] += 1
     same = np.ones(len(now.modes), bool)
     same[: len(now.manifolds.features)] = before("features") == now.manifolds.features
     now.modes[same], now.force[same] = before("modes")[same], before("force")[same]

@@ -26,6 +26,7 @@ def accept(trial: Trial) -> float:
     Returns the greatest normal deformation."""
     h, contacts, state, scratch = trial.h, trial.contacts, trial.state, trial.scratch
     clock, deepest = state.clock[0], 0.0
+    state.force[:, :] = 0.0
     accept_forces(trial)
     account(trial)
     for i in range(state.v.shape[0]):
@@ -57,13 +58,10 @@ def take_slots(slots: Ints, fresh: Ints, state: State, terms: Terms, scratch: Sc
 
 @kernel
 def accept_forces(trial: Trial) -> None:
-    """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
+    """Hand forces, modes and deformations of the solved contacts to their slots, whose forces are zero."""
     rung, _, terms, contacts, state, scratch, _ = trial
     force, slots = scratch.contact_force, scratch.slots
     d = state.force.shape[1]
-    for slot in range(state.force.shape[0]):
-        for i in range(d):
-            state.force[slot, i] = 0.0
     if rung[0].compliant:
         _relax(trial)
     for k in range(contacts):

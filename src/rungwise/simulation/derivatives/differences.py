@@ -90,6 +90,7 @@ class Assembly:
         """Place the bodies and look for contacts."""
         state, records = self.state, self.records
         state.q[:], state.v[:], state.clock["time"] = start.q, start.v, start.time
+        state.manifolds.turn[0] += 1
         if start.features is not None:
             state.manifolds.features[:], state.deformation[:] = start.features, start.deformation
         place(records, state.q, state.placed, False)

@@ -25,7 +25,7 @@ from rungwise.system.planar.manifold import (
     next_vertex,
     vertex_before,
 )
-from rungwise.system.planar.near import is_listed, list_near, near_pairs, pair_at
+from rungwise.system.planar.near import forget_gaps, is_listed, list_near, near_pairs, pair_at
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
 
@@ -46,12 +46,12 @@ def find_contacts(
     is raised above the other has no points, and its gap is none of the least.
     """
     pairs, outline, gaps, fresh = records.pairs, placed.outline, manifolds.gaps, manifolds.fresh
-    least, listed = math.inf, is_listed(manifolds)
+    least = math.inf
     course.known[0] = 0
-    if listed:
+    if is_listed(manifolds):
         list_near(records, placed, margin, manifolds)
-    for c in range(gaps.shape[0]):
-        gaps[c] = manifolds.far[c] if listed else math.inf
+    forget_gaps(pairs, manifolds)
+    for c in range(manifolds.lifted.shape[0]):
         lies = LANDED if manifolds.lifted[c] == LIFTED else 0
         manifolds.lifted[c] = LIFTED if records.contacts[c].raised > 0.0 else lies
     if seams.joined[0] != 0:

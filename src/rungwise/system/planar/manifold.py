@@ -48,7 +48,8 @@ class Manifolds(Block):
     modes        (2 pairs,)    of the contact there, 0 (open) when its feature changes
     force        (2 pairs, d)  of the contact there in the last step
     gaps         (contacts,)   least gap of all pairs of the contact
-    lifted       (contacts,)   whether one body is raised above the other, or was a look ago
+    lifted       (contacts,)   whether one body is raised above the other, or was a look ago; empty where
+                               none may be
     fresh        (2,)          features of a pair while it is looked at
 
     Of many bodies, those that may come near before some has moved by half the reach of the list (else empty):
@@ -56,6 +57,11 @@ class Manifolds(Block):
     within       (1,)          circles that were farther apart were left out
     seen         (bodies, 2)   centres then
     far          (contacts,)   lower bound of the gaps of pairs that were left out
+    turn         (1,)          counts how often slots of pairs that are not listed may have changed
+    shown        (1,)          its value when gaps of all contacts were written last
+    cleared      (1,)          its value when forces of all slots were set to zero last
+    heard        (2,)          its value when forces that conditions read were written last, and how often
+                               more those of all contacts will be
     """
 
     points: Reals
@@ -71,6 +77,10 @@ class Manifolds(Block):
     within: Reals
     seen: Reals
     far: Reals
+    turn: Ints
+    shown: Ints
+    cleared: Ints
+    heard: Ints
 
 
 class Found(NamedTuple):
@@ -98,13 +108,17 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
         "modes": np.zeros(slots, np.int64),
         "force": np.zeros((slots, 2)),
         "gaps": np.zeros(len(records.contacts)),
-        "lifted": np.zeros(len(records.contacts), np.int64),
+        "lifted": np.zeros(len(records.contacts) if records.contacts["lifts"].any() else 0, np.int64),
         "fresh": np.zeros(2, np.int64),
         "near": np.zeros(len(records.pairs) if crowded else 0, np.int64),
         "listed": np.zeros(1, np.int64),
         "within": np.full(1, UNKNOWN),
         "seen": np.zeros((len(records.bodies) if crowded else 0, 2)),
         "far": np.zeros(len(records.contacts) if crowded else 0),
+        "turn": np.ones(1, np.int64),
+        "shown": np.zeros(1, np.int64),
+        "cleared": np.zeros(1, np.int64),
+        "heard": np.zeros(2, np.int64),
     }
     return Manifolds(**(own | shared))
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Record, inner_kernel, rare_kernel
+from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, Records
 from rungwise.system.planar.manifold import ABSENT, Manifolds
 from rungwise.system.planar.place import Placement, X, Y
 
 AHEAD = 8.0
 """Reach of the list beyond what is looked for, over what is looked for."""
+LATER = 4
+"""Steps for which forces of pairs that left the list are read: three, and one to spare."""
 
 
 @inner_kernel
@@ -45,6 +47,7 @@ def list_near(records: Records, placed: Placement, margin: float, manifolds: Man
     if within[0] >= 0.0 and 2.0 * math.sqrt(moved) + margin <= within[0]:
         return
     within[0] = (1.0 + AHEAD) * margin
+    manifolds.turn[0] += 1
     for b in range(seen.shape[0]):
         seen[b, 0], seen[b, 1] = pose[b, X], pose[b, Y]
     manifolds.far[:] = math.inf
@@ -81,3 +84,53 @@ def _leave(slot: int, manifolds: Manifolds) -> None:
         manifolds.features[slot] = ABSENT
         manifolds.deformation[slot, :] = 0.0
         manifolds.modes[slot] = 0
+
+
+@inner_kernel
+def forget_gaps(pairs: RecordArray, manifolds: Manifolds) -> None:
+    """Let gaps be what is known of pairs that are not looked at; those of contacts without a listed pair are
+    so already, unless they may have changed since."""
+    gaps, far, turn, shown = manifolds.gaps, manifolds.far, manifolds.turn, manifolds.shown
+    if not is_listed(manifolds):
+        for c in range(gaps.shape[0]):
+            gaps[c] = math.inf
+    elif shown[0] != turn[0]:
+        for c in range(gaps.shape[0]):
+            gaps[c] = far[c]
+        shown[0] = turn[0]
+    else:
+        for i in range(manifolds.listed[0]):
+            c = pairs[manifolds.near[i]].contact
+            gaps[c] = far[c]
+
+
+@inner_kernel
+def forget_forces(manifolds: Manifolds, force: Reals) -> None:
+    """Set forces (slots, d), of which those of pairs come first, to zero where they may not be."""
+    d, pairs = force.shape[1], 0
+    if is_listed(manifolds) and manifolds.cleared[0] == manifolds.turn[0]:
+        for i in range(manifolds.listed[0]):
+            for slot in range(2 * manifolds.near[i], 2 * manifolds.near[i] + 2):
+                for j in range(d):
+                    force[slot, j] = 0.0
+        pairs = manifolds.features.shape[0]
+    for slot in range(pairs, force.shape[0]):
+        for j in range(d):
+            force[slot, j] = 0.0
+    manifolds.cleared[0] = manifolds.turn[0]
+
+
+@inner_kernel
+def listen(manifolds: Manifolds) -> bool:
+    """Whether forces of contacts without a listed pair may not be zero in this step or the two before."""
+    heard, turn = manifolds.heard, manifolds.turn
+    if heard[0] != turn[0]:
+        heard[0], heard[1] = turn[0], LATER
+    heard[1] = max(heard[1] - 1, 0)
+    return hears_all(manifolds)
+
+
+@inner_kernel
+def hears_all(manifolds: Manifolds) -> bool:
+    """What `listen` said."""
+    return not is_listed(manifolds) or bool(manifolds.heard[1] > 0)

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact import block_factors
-from rungwise.contact.block_factors import Factors, Pattern, add, substitute
+from rungwise.contact.block_factors import Factors, add, substitute
+from rungwise.contact.least_degree import Pattern
 from rungwise.contact.solvers.plane.flips import flip
 from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
 from rungwise.contact.solvers.plane.part import Part
@@ -65,12 +66,13 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
         v[i] = 0.0
         soft.unit[i] = 1.0 / math.sqrt(part.diagonal[i])
     matrix = block_factors.plan(Pattern(part.H_first, part.H_column, part.first, part.column))
+    symmetric = _is_symmetric(part)
     collect(sizes, unknowns, soft.centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
         if halt[0] != 0:
             break
-        if not _settle(part, rho, factored, soft, matrix, unknowns):
+        if not _settle(part, rho, factored, symmetric, soft, matrix, unknowns):
             if rho >= MOST:
                 break
             rho, factored = min(100.0 * rho, MOST), False
@@ -93,17 +95,23 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
 
 @kernel
 def _settle(
-    part: Part, rho: float, factored: bool, soft: Yielding, matrix: Factors, unknowns: Unknowns
+    part: Part,
+    rho: float,
+    factored: bool,
+    symmetric: bool,
+    soft: Yielding,
+    matrix: Factors,
+    unknowns: Unknowns,
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
-    belong to `mode` and `rho`."""
+    belong to `mode` and `rho`; `symmetric`: H is."""
     groups = len(part.first) - 1
     for flips in range(TURNS * MAX_FLIPS):
         if not factored:
             _impose(part, unknowns)
             _give(part, rho, soft.give)
             _push(part, unknowns, soft)
-            if not _factorise(part, soft, matrix):
+            if not _factorise(part, symmetric, soft, matrix):
                 return False
         for _ in range(2):
             _correct(part, soft, matrix, unknowns)
@@ -169,8 +177,8 @@ def _push(part: Part, unknowns: Unknowns, soft: Yielding) -> None:
 
 
 @kernel
-def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
-    """Factors of H + W^T push W + S^T push S in these units."""
+def _factorise(part: Part, symmetric: bool, soft: Yielding, matrix: Factors) -> bool:
+    """Factors of H + W^T push W + S^T push S in these units; `symmetric`: H is."""
     contacts, unit, push, column = len(part.mu), soft.unit, soft.push, part.column
     block_factors.clear(matrix)
     for i in range(len(part.c)):
@@ -181,6 +189,7 @@ def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
         r = g - contacts
         if push[4 * g if r < 0 else 4 * contacts + r] == 0.0:
             continue
+        symmetric &= r >= 0 or push[4 * g + 1] == push[4 * g + 2]
         for e in range(part.first[g], part.first[g + 1]):
             i, a, b = column[e], part.normal[e], part.tangential[e]
             if r < 0:
@@ -191,7 +200,21 @@ def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
             for f in range(part.first[g], part.first[g + 1]):
                 value = normal * part.normal[f] + tangential * part.tangential[f]
                 add(matrix, i, column[f], value * unit[column[f]])
-    return block_factors.factorise(matrix)
+    return block_factors.factorise(matrix, symmetric)
+
+
+@kernel
+def _is_symmetric(part: Part) -> bool:
+    """Whether H is symmetric."""
+    first, column, value = part.H_first, part.H_column, part.H_value
+    for i in range(len(part.c)):
+        for e in range(first[i], first[i + 1]):
+            other = 0.0
+            for f in range(first[column[e]], first[column[e] + 1]):
+                other = value[f] if column[f] == i else other
+            if other != value[e]:
+                return False
+    return True
 
 
 @kernel

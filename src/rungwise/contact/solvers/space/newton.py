@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.block_factors import Factors, Pattern, add, add_product, clear, plan
+from rungwise.contact.block_factors import Factors, add, add_product, clear, plan
 from rungwise.contact.block_factors import factorise as factorise_blocks
 from rungwise.contact.block_factors import substitute as substitute_blocks
+from rungwise.contact.least_degree import Pattern
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solvers.space.measure import Island, Point, measure
 from rungwise.contact.solvers.space.rows import Groups
@@ -254,7 +255,7 @@ def _assemble_blocks(island: Island, steps: Steps) -> bool:
         W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
         touched, E = groups.touched[begin : begin + width], steps.inverse[g, :size, d : d + size]
         add_product(blocks, touched, low, E, W, steps.push)
-    return bool(factorise_blocks(blocks))
+    return bool(factorise_blocks(blocks, False))
 
 
 @allocating_kernel

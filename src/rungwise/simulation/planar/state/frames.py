@@ -10,6 +10,7 @@ from rungwise.simulation.planar.state.lasting import set_ways
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
 from rungwise.system.entries import stretch
 from rungwise.system.planar import joints
+from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.terms import potential_energy
 
 
@@ -73,7 +74,8 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
             kinetic += 0.5 * rung[0].inertia * terms.inertia[i, j] * state.v[i] * state.v[j]
     elastic = 0.0
     if rung[0].compliant:
-        for p in range(records.pairs.shape[0]):
+        for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):
+            p = pair_at(state.manifolds, i)
             contact = records.contacts[records.pairs[p].contact]
             for slot in range(2 * p, 2 * p + 2):
                 normal, tangent = state.deformation[slot, 0], state.deformation[slot, 1]

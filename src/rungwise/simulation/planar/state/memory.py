@@ -9,6 +9,7 @@ from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.verdicts import RUNNING
 from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
 from rungwise.system.planar.manifold import ABSENT, UNKNOWN
+from rungwise.system.planar.near import is_listed
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART
 
@@ -18,6 +19,7 @@ def keep(workspace: Workspace, kept: Snapshot) -> None:
     """Keep the state; `restore` brings back the one in `workspace.kept`."""
     copy(workspace.state.memory, kept.memory)
     copy(workspace.state.impulse, kept.impulse)
+    kept.turn[0] = workspace.state.manifolds.turn[0]
 
 
 @kernel
@@ -40,17 +42,31 @@ def restore(records: Records, workspace: Workspace) -> None:
     copy(kept.limited_mode, workspace.scratch.limited_mode)
     bring_back(records, workspace, kept)
     state.clock[0].least_gap = kept.clock[0].least_gap
+    state.manifolds.heard[0] = 0
 
 
 @inner_kernel
 def remember(state: State, saved: Snapshot) -> None:
+    """Save coordinates, and contacts and deformations, where they may have changed since they were saved."""
+    manifolds = state.manifolds
     for i in range(state.q.shape[0]):
         saved.q[i] = state.q[i]
-    for slot in range(state.manifolds.features.shape[0]):
-        saved.features[slot] = state.manifolds.features[slot]
-        saved.modes[slot] = state.modes[slot]
-        for i in range(state.deformation.shape[1]):
-            saved.deformation[slot, i] = state.deformation[slot, i]
+    if is_listed(manifolds) and saved.turn[0] == manifolds.turn[0]:
+        for i in range(manifolds.listed[0]):
+            _remember(2 * manifolds.near[i], state, saved)
+            _remember(2 * manifolds.near[i] + 1, state, saved)
+        return
+    for slot in range(manifolds.features.shape[0]):
+        _remember(slot, state, saved)
+    saved.turn[0] = manifolds.turn[0]
+
+
+@inner_kernel
+def _remember(slot: int, state: State, saved: Snapshot) -> None:
+    saved.features[slot] = state.manifolds.features[slot]
+    saved.modes[slot] = state.modes[slot]
+    for i in range(state.deformation.shape[1]):
+        saved.deformation[slot, i] = state.deformation[slot, i]
 
 
 @kernel
@@ -58,15 +74,27 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
     """Restore saved coordinates, contacts and deformations; contacts that came into view since then stay in
     view."""
     state = workspace.state
+    manifolds = state.manifolds
     for i in range(state.q.shape[0]):
         state.q[i] = saved.q[i]
-    for slot in range(state.manifolds.features.shape[0]):
-        state.manifolds.features[slot] = saved.features[slot]
-        state.modes[slot] = saved.modes[slot]
-        for i in range(state.deformation.shape[1]):
-            state.deformation[slot, i] = saved.deformation[slot, i]
+    if is_listed(manifolds) and saved.turn[0] == manifolds.turn[0]:
+        for i in range(manifolds.listed[0]):
+            _bring_back(2 * manifolds.near[i], state, saved)
+            _bring_back(2 * manifolds.near[i] + 1, state, saved)
+    else:
+        for slot in range(manifolds.features.shape[0]):
+            _bring_back(slot, state, saved)
+        manifolds.turn[0] += 1
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
+
+
+@inner_kernel
+def _bring_back(slot: int, state: State, saved: Snapshot) -> None:
+    state.manifolds.features[slot] = saved.features[slot]
+    state.modes[slot] = saved.modes[slot]
+    for i in range(state.deformation.shape[1]):
+        state.deformation[slot, i] = saved.deformation[slot, i]
 
 
 @kernel
@@ -79,6 +107,7 @@ def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
     copy(memory, state.memory)
+    state.manifolds.turn[0] += 1
     clock = state.clock[0]
     clock.centred = centred
     workspace.terms.rounding[0] = ROUNDING * clock.extent
@@ -102,6 +131,7 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state.reaction[:] = 0.0
     state.manifolds.features[:] = ABSENT
     state.manifolds.within[0] = UNKNOWN
+    state.manifolds.turn[0] += 1
     state.modes[:] = 0
     state.deformation[:, :] = 0.0
     state.force[:, :] = 0.0

@@ -45,7 +45,7 @@ def passes(records: Records, workspace: Workspace) -> bool:
     manifolds = workspace.state.manifolds
     for i in range(near_pairs(manifolds, records.pairs.shape[0])):
         pair = records.pairs[pair_at(manifolds, i)]
-        if manifolds.lifted[pair.contact] == LIFTED:
+        if manifolds.lifted.shape[0] > 0 and manifolds.lifted[pair.contact] == LIFTED:
             continue
         a, b = records.shapes[pair.shape_a], records.shapes[pair.shape_b]
         if a.kind != HALFPLANE and b.kind != HALFPLANE and not _is_clear(records, a, b, workspace):

@@ -32,7 +32,7 @@ from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.passing import thickness
 from rungwise.simulation.planar.state.workspace import Conditions, Scratch, State, Workspace, time_slot
 from rungwise.system.planar import joints
-from rungwise.system.planar.near import near_pairs, pair_at
+from rungwise.system.planar.near import hears_all, listen, near_pairs, pair_at
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
 JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
@@ -199,31 +199,52 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
     steps is the force, which tends to the force of the motion between impacts. The impulse is the integral
     over time from the start. The kinematic rung knows neither.
     """
-    for c in range(state.pushes.shape[0]):
+    pairs, manifolds = records.pairs, state.manifolds
+    near, all_of = near_pairs(manifolds, pairs.shape[0]), listen(manifolds)
+    for c in range(state.pushes.shape[0] if all_of else 0):
         state.pushes[c] = 0.0
+    for i in range(0 if all_of else near):
+        state.pushes[pairs[pair_at(manifolds, i)].contact] = 0.0
     if rung[0].metric:
         return
-    for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):
-        p = pair_at(state.manifolds, i)
-        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    for i in range(near):
+        p = pair_at(manifolds, i)
+        state.pushes[pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
     jumps = rung[0].inertia > 0.0 and not rung[0].compliant
-    for c in range(state.pushes.shape[0]):
-        push = state.pushes[c]
-        state.impulses[c] += h * push
-        if jumps:
-            state.pushes[c] = min(push, state.recent[0, c], state.recent[1, c])
-            state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
+    for c in range(state.pushes.shape[0] if all_of else 0):
+        _hear(c, h, jumps, state)
+    for i in range(0 if all_of else near):
+        c = pairs[pair_at(manifolds, i)].contact
+        if i == 0 or c != pairs[pair_at(manifolds, i - 1)].contact:
+            _hear(c, h, jumps, state)
+
+
+@inner_kernel
+def _hear(c: int, h: float, jumps: bool, state: State) -> None:
+    push = state.pushes[c]
+    state.impulses[c] += h * push
+    if jumps:
+        state.pushes[c] = min(push, state.recent[0, c], state.recent[1, c])
+        state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
 
 
 @inner_kernel
 def withholds(records: Records, state: State) -> bool:
     """Whether a force that conditions read is still less than in the last step, until that force lasts."""
-    holds = False
-    for c in range(state.pushes.shape[0]):
-        # Forces first: records lie far apart, of many contacts.
-        if state.pushes[c] < LASTING * state.recent[0, c]:
-            holds |= bool(records.contacts[c].weighed)
+    holds, manifolds = False, state.manifolds
+    if hears_all(manifolds):
+        for c in range(state.pushes.shape[0]):
+            holds |= _is_withheld(c, records, state)
+    else:
+        for i in range(near_pairs(manifolds, records.pairs.shape[0])):
+            holds |= _is_withheld(records.pairs[pair_at(manifolds, i)].contact, records, state)
     return holds
+
+
+@inner_kernel
+def _is_withheld(c: int, records: Records, state: State) -> bool:
+    # Forces first: records lie far apart, of many contacts.
+    return bool(state.pushes[c] < LASTING * state.recent[0, c]) and bool(records.contacts[c].weighed)
 
 
 @inner_kernel

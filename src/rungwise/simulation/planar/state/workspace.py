@@ -137,7 +137,7 @@ class Early(Block):
 
 class Snapshot(Block):
     """The state that is restored when a step is not accepted, or the end of one that is compared: a memory
-    like that of the state, with views of it, and impulses."""
+    like that of the state, with views of it, and impulses; `turn` (1,) is that of the manifolds then."""
 
     memory: Reals
     clock: RecordArray
@@ -152,6 +152,7 @@ class Snapshot(Block):
     impulses: Reals
     dates: Reals
     recent: Reals
+    turn: Ints
 
 
 class Frames(Block):
@@ -261,6 +262,7 @@ def _snapshot(memory: Reals, carried: dict[str, NDArray[Any]], at: int, n: int) 
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
         dates=values[at + 2 * n + 3 * contacts :][:SLOTS],
         recent=carried["recent"],
+        turn=np.zeros(1, np.int64),
     )
 
 

@@ -36,6 +36,7 @@ from rungwise.simulation.planar.step.snaps import is_coarse
 from rungwise.system.moving import SLIP
 from rungwise.system.planar import joints
 from rungwise.system.planar.manifold import ABSENT, GAP
+from rungwise.system.planar.near import forget_forces
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
@@ -110,6 +111,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
+        forget_forces(state.manifolds, state.force)
         accept_forces(trial_in(rung, h, contacts, workspace))
         if not first and clock.centred and not clock.lost and rung[0].compliant:
             yield_fully(contacts, workspace)

@@ -79,6 +79,7 @@ def extrapolate(records: Records, rung: RecordArray, workspace: Workspace) -> No
     touches = not flies(workspace)
     least = min(clock.least_gap, -tolerated(rung, workspace)) if touches else 0.0
     fits = True
+    state.manifolds.turn[0] += 1
     for slot in range(state.deformation.shape[0]):
         for d in range(2):
             state.deformation[slot, d] += state.deformation[slot, d] - whole.deformation[slot, d]
