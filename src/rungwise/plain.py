@@ -35,6 +35,11 @@ def brief(thing: Any) -> str:
     return f"{type(thing).__name__}({cut(', '.join(parts), WIDEST)})"
 
 
+def run_of(thing: Any, rest: str) -> str:
+    """What runs, or ran, in one short line: its kind, scene and model, and the rest."""
+    return f"<{type(thing).__name__} of {cut(thing.scene.name)} on {cut(thing.model.name)}: {rest}>"
+
+
 def cut(text: str, most: int = LONGEST) -> str:
     """The text on one line, cut off after so many characters."""
     text = " ".join(text.split())

@@ -18,6 +18,7 @@ from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.fields.values import shown
 from rungwise.wording import choices, listed
+from rungwise.world.arguments import numbers_of
 
 if TYPE_CHECKING:
     import xarray
@@ -183,16 +184,6 @@ def _scales(units: Mapping[str, str], known: Sequence[str]) -> dict[str, float]:
     return {name: UNITS[units.get(name, "1")] for name in known}
 
 
-def _numbers(path: str, given: Any) -> Reals:
-    try:
-        values = np.asarray(given)
-        if values.dtype.kind not in "iuf":
-            raise ValueError
-    except ValueError:
-        raise MotionError(f"{path}: must be numbers in an array, not {shown(given)}") from None
-    return np.array(values, np.float64)
-
-
 def _trials(field: str, given: Any, columns: int) -> list[Any]:
     """Arrays (k_i, columns) of the trials."""
     try:
@@ -202,7 +193,7 @@ def _trials(field: str, given: Any, columns: int) -> list[Any]:
     listed_ = [given] if ndim == 2 else given
     if ndim not in (0, 2, 3) or not isinstance(listed_, Sequence | np.ndarray) or not len(listed_):
         raise MotionError(f"{field}: must have the shape (m, k, {columns}), or be a list of (k, {columns})")
-    found = [_numbers(f"{field}.{i}", each) for i, each in enumerate(listed_)]
+    found = [numbers_of(f"{field}.{i}", each, MotionError) for i, each in enumerate(listed_)]
     for i, each in enumerate(found):
         if each.ndim != 2 or each.shape[1] != columns:
             raise MotionError(f"{field}.{i}: must have the shape (k, {columns}), not {each.shape}")
@@ -220,7 +211,7 @@ def _times(given: Any, q: Sequence[Reals]) -> list[Reals]:
     every = [given] * len(q) if is_one else list(given)
     if len(every) != len(q):
         raise MotionError(f"times: are of {len(every)} trials, and places of {len(q)}")
-    found = [_numbers(f"times.{i}", each) for i, each in enumerate(every)]
+    found = [numbers_of(f"times.{i}", each, MotionError) for i, each in enumerate(every)]
     for i, (times, places) in enumerate(zip(found, q, strict=True)):
         if times.shape != (len(places),):
             raise MotionError(f"times.{i}: must have the shape ({len(places)},), not {times.shape}")
@@ -233,7 +224,7 @@ def _times(given: Any, q: Sequence[Reals]) -> list[Reals]:
 
 def _known(given: Mapping[str, ArrayLike], m: int) -> list[dict[str, float]]:
     """Parameters of each trial."""
-    columns = {name: _numbers(f"parameters.{name}", values) for name, values in given.items()}
+    columns = {name: numbers_of(f"parameters.{name}", values, MotionError) for name, values in given.items()}
     for name, values in columns.items():
         if values.shape not in ((), (m,)):
             raise MotionError(f"parameters.{name}: must be a number or ({m},), not {values.shape}")
@@ -249,7 +240,7 @@ def _inputs(given: Mapping[str, Any], q: Sequence[Reals]) -> list[dict[str, Real
         if len(each) != len(q):
             raise MotionError(f"inputs.{name}: are of {len(each)} trials, and places of {len(q)}")
         for i, (row, places) in enumerate(zip(each, q, strict=True)):
-            level = _numbers(f"inputs.{name}.{i}", row)
+            level = numbers_of(f"inputs.{name}.{i}", row, MotionError)
             if level.shape != (len(places),) or not np.isfinite(level).all():
                 raise MotionError(f"inputs.{name}.{i}: must be {len(places)} finite numbers, one a frame")
             found[i][name] = level

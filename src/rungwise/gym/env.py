@@ -18,9 +18,9 @@ from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
-from rungwise.world.any_run import AnyRun
 from rungwise.world.contract import OTHER_SHAPES, SOLIDS
 from rungwise.world.find import world_of
 

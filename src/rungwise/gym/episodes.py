@@ -17,10 +17,10 @@ from rungwise.gym.starts import Starts
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene.fields.values import shown
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
 from rungwise.wording import choices
-from rungwise.world.any_run import AnyRun
 from rungwise.world.run import simulate
 
 RESET = ("state", "parameters")

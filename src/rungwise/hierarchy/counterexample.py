@@ -21,8 +21,8 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief, json_text
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
-from rungwise.world.any_run import AnyRun
 from rungwise.world.contract import Marks
 from rungwise.world.find import world_of
 from rungwise.world.run import finished, simulation_of

@@ -29,10 +29,10 @@ from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State, digest
 from rungwise.stored import whole
-from rungwise.world.any_run import AnyRun
 from rungwise.world.find import world_of
 from rungwise.world.questions import geometry
 from rungwise.world.run import simulate

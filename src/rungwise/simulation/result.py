@@ -16,8 +16,8 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
 from rungwise.simulation import trajectory
+from rungwise.simulation.any_run import AnyRun, by_body
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
-from rungwise.simulation.record import Record, by_body
 from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class Run(Record):
-    """The end of a run of a planar scene and its record (see `Record`).
+class Run(AnyRun):
+    """The end of a run of a planar scene and its record (see `AnyRun`).
 
     `motion` holds the preferred velocities; `final` maps body -> coordinate -> value; `problem` is the
     problem of the last step, where it had no solution; `hard` holds the saved hard steps, if asked for;

@@ -14,7 +14,7 @@ from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.plain import cut
+from rungwise.plain import run_of
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment, read_schedule
 from rungwise.simulation.options import RunOptions, moving_rung
@@ -52,10 +52,7 @@ class Turns:
         """Simulated time so far."""
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
-            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
-        )
+        return run_of(self, f"{OUTCOMES[self.outcome]} at t = {self.time:.6g}")
 
     @property
     def state(self) -> State:

@@ -18,11 +18,11 @@ from rungwise.planning.plan import Plan
 from rungwise.scene.fields.values import shown
 from rungwise.sets.doomed.doomed import DoomedSet
 from rungwise.sets.feasible.feasible import FeasibleSet
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.result import Run
 from rungwise.viewing.designs import design_bars
 from rungwise.viewing.drawers import DRAWERS
 from rungwise.viewing.sets.slices import doomed_slices, feasible_slices
-from rungwise.world.any_run import AnyRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

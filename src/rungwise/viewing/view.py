@@ -15,13 +15,13 @@ from rungwise.scene.fields.values import shown
 from rungwise.sets.feasible.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
+from rungwise.simulation.any_run import AnyRun
 from rungwise.viewing.drawers import Drawer, drawer_of, drawer_of_saved
 from rungwise.viewing.sets import html as sets
 from rungwise.viewing.sets import slices
 from rungwise.viewing.skeleton import LARGEST
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
-from rungwise.world.any_run import AnyRun
 
 Source = AnyRun | Plan | FeasibleSet | str | Path
 

@@ -38,13 +38,7 @@ class Count:
 
     def rows(self, name: str, given: ArrayLike, inner: int, error: type[InputError]) -> Reals:
         """Values (m, ...) with `inner` axes for each sample, from these or from values of one sample."""
-        try:
-            values = np.asarray(given)
-            if values.dtype.kind not in "iuf":
-                raise ValueError
-        except ValueError:
-            raise error(f"{name}: must be numbers in an array, not {shown(given)}") from None
-        values = np.array(values, np.float64, order="C")
+        values = numbers_of(name, given, error)
         while values.ndim < inner:
             values = values[None]
         if values.ndim > inner + 1:
@@ -53,6 +47,17 @@ class Count:
             return values[None]
         self.agree(name, len(values), error)
         return values
+
+
+def numbers_of(name: str, given: ArrayLike, error: type[InputError]) -> Reals:
+    """An array of numbers, copied. Raises the error."""
+    try:
+        values = np.asarray(given)
+        if values.dtype.kind not in "iuf":
+            raise ValueError
+    except ValueError:
+        raise error(f"{name}: must be numbers in an array, not {shown(given)}") from None
+    return np.array(values, np.float64, order="C")
 
 
 class Begins(NamedTuple):

@@ -118,6 +118,17 @@ def speeds(parting: Parting) -> dict[str, Any]:
     return {"speed": found}
 
 
+def overlap(pairs: str, parting: Parting) -> dict[str, Any]:
+    """The deepest overlap where contacts yield, and whose; `pairs`: what motions call their contacts."""
+    yields, deepest, whose = [variant.model.compliant for variant in parting.variants], [], []
+    for motion, soft in zip(parting.motions, yields, strict=True):
+        gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
+        names = [str(name) for name in motion.data[pairs].values]
+        whose.append(names[int(gaps.argmin())] if names else "")
+        deepest.append(float(max(0.0, -gaps.min(initial=0.0))) if soft else 0.0)
+    return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
+
+
 def accuracy(parting: Parting) -> dict[str, Any]:
     """The errors allowed per step."""
     return {"tol": [variant.tol for variant in parting.variants]}

@@ -18,13 +18,13 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.plain import cut
+from rungwise.plain import run_of
 from rungwise.scene.contract import AnyScene
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
-from rungwise.world.any_run import AnyRun
 
 OVER = "limit: the time was over before the run came to its end"
 """Why a run of a rollout ended as `running`."""
@@ -67,10 +67,7 @@ class Rolled(ByContent):
         return texts(self.outcome)
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
-            f" {len(self.outcome)} runs: {counted(self.outcome)}>"
-        )
+        return run_of(self, f"{len(self.outcome)} runs: {counted(self.outcome)}")
 
     @property
     def times(self) -> Reals:

@@ -11,11 +11,11 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
 from rungwise.simulation.saved import read
 from rungwise.simulation.state import State
-from rungwise.world.any_run import AnyRun
 from rungwise.world.find import world_of
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from rungwise.cli.arguments import (
 from rungwise.cli.terminal import answer, plain_errors, refuse
 
 if TYPE_CHECKING:
+    from rungwise.simulation.any_run import AnyRun
     from rungwise.simulation.spatial.result import SpaceRun
-    from rungwise.world.any_run import AnyRun
 
 ELSEWHERE = "scene: is not in space; only scenes in space are replayed in another simulator"
 

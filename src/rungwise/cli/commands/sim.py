@@ -10,7 +10,7 @@ import typer
 from rungwise.cli import arguments as arg
 from rungwise.cli import progress
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json, writable_to
-from rungwise.world.any_run import AnyRun
+from rungwise.simulation.any_run import AnyRun
 
 
 def sim(

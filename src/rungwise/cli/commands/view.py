@@ -9,7 +9,7 @@ import typer
 
 from rungwise.cli.arguments import JsonOption, LimitOption, SetOption, load_plan_file, load_with, numeric
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
-from rungwise.world.any_run import AnyRun
+from rungwise.simulation.any_run import AnyRun
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

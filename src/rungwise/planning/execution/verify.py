@@ -27,9 +27,9 @@ from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.fields.values import shown
+from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.options import count, moving_rung
 from rungwise.wording import choices
-from rungwise.world.any_run import AnyRun
 from rungwise.world.carriers import TaskError
 from rungwise.world.find import world_of
 from rungwise.world.run import finished, simulation_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.ground import Ground
-from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
+from rungwise.planning.motion.free_paths import CHECKS, grown, is_clear, shortened
 
 CLEAR = 0.02
 """Gap, in parts of the size, that an object keeps on its way."""
@@ -35,23 +35,13 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
         return none
 
     def is_free(a: Reals, b: Reals) -> bool:
-        """No gap shrinks by more than what the object's points move; parts that are not free for sure are
-        halved."""
+        """No gap shrinks by more than what the object's points move."""
         change = (b - a)[ground.columns]
         turning = ground.units != 1.0
         length = float(np.linalg.norm(change[~turning])) + ground.task.size * float(
             np.abs(change[turning]).sum()
         )
-        at, found = np.array([0.0, 1.0]), gaps(np.stack([a, b]))
-        while (found >= least * (1.0 - 1e-9)).all():
-            parts = length * np.diff(at)
-            unsure = np.flatnonzero((found[:-1] + found[1:] - parts < 2.0 * least) & (parts > least))
-            if not len(unsure):
-                return True
-            middle = 0.5 * (at[unsure] + at[unsure + 1])
-            asked = gaps(a + middle[:, None] * (b - a))
-            at, found = np.insert(at, unsure + 1, middle), np.insert(found, unsure + 1, asked)
-        return False
+        return is_clear(gaps, a, b, length, least)
 
     if is_free(q, goal):
         return none

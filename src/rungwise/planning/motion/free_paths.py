@@ -38,6 +38,23 @@ class PlannerMissing(InputError):
     """OMPL is not installed."""
 
 
+def is_clear(gaps: Callable[[Reals], Reals], a: Reals, b: Reals, length: float, least: float) -> bool:
+    """Whether least gaps (m,), asked for at places (m, n), stay above `least` on the straight way from a to b
+    (n,), on which no gap shrinks by more than `length`. A part of the way is clear if its length is less than
+    what the gaps at its ends exceed the least one by; other parts are halved, until they are as short as the
+    least gap."""
+    at, found = np.array([0.0, 1.0]), gaps(np.stack([a, b]))
+    while (found >= least * (1.0 - 1e-9)).all():
+        parts = length * np.diff(at)
+        unsure = np.flatnonzero((found[:-1] + found[1:] - parts < 2.0 * least) & (parts > least))
+        if not len(unsure):
+            return True
+        middle = 0.5 * (at[unsure] + at[unsure + 1])
+        asked = gaps(a + middle[:, None] * (b - a))
+        at, found = np.insert(at, unsure + 1, middle), np.insert(found, unsure + 1, asked)
+    return False
+
+
 def grown(
     q: Reals, goals: Reals, columns: Sequence[int], low: Reals, high: Reals, is_free: Free, seed: int,
     goes_on: Callable[[int], bool] = lambda asked: asked <= CHECKS, units: Reals | float = 1.0,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.motion.free_paths import CHECKS, always, grown, shortened
+from rungwise.planning.motion.free_paths import CHECKS, always, grown, is_clear, shortened
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT
@@ -109,21 +109,12 @@ class Transit:
         return sum(math.hypot(*(b - a)[list(carrier.places)]) for carrier in self._task.carriers)
 
     def _is_free(self, a: Reals, b: Reals, least: float) -> bool:
-        """Whether the straight way keeps this gap. No gap shrinks by more than what the robots move, so a
-        part of the way is free if its length is less than what the gaps at its ends exceed the least one by;
-        other parts are halved, until they are as short as the least gap."""
-        length = self._moved(a, b)
-        at = np.array([0.0, 1.0])
-        gaps = self._gaps(np.stack([a, b])).min(axis=1, initial=math.inf)
-        while (gaps >= least * (1.0 - 1e-9)).all():
-            parts = length * np.diff(at)
-            unsure = np.flatnonzero((gaps[:-1] + gaps[1:] - parts < 2.0 * least) & (parts > least))
-            if not len(unsure):
-                return True
-            middle = 0.5 * (at[unsure] + at[unsure + 1])
-            asked = self._gaps(a + middle[:, None] * (b - a)).min(axis=1, initial=math.inf)
-            at, gaps = np.insert(at, unsure + 1, middle), np.insert(gaps, unsure + 1, asked)
-        return False
+        """Whether the straight way keeps this gap; none shrinks by more than what the robots move."""
+
+        def gaps(places: Reals) -> Reals:
+            return np.asarray(self._gaps(places).min(axis=1, initial=math.inf))
+
+        return is_clear(gaps, a, b, self._moved(a, b), least)
 
     def _room(self, q: Reals, goal: Reals) -> tuple[Reals, Reals]:
         """Least and greatest numbers (c,) of where robots may go: about all bodies, with room to pass."""

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 SUM, PRODUCT, SIGN, POWER, ATOM = range(5)
 """How tightly the outermost operation of a text holds together."""
+
+
+def _left(operator: str, level: int) -> Callable[[Symbol, object], Symbol]:
+    return lambda own, other: _joined(own, operator, other, level)
+
+
+def _right(operator: str, level: int) -> Callable[[Symbol, object], Symbol]:
+    return lambda own, other: _joined(other, operator, own, level)
 
 
 class Symbol(str):
@@ -16,29 +26,10 @@ class Symbol(str):
         symbol.level = level
         return symbol
 
-    def __add__(self, other: object) -> Symbol:
-        return _joined(self, "+", other, SUM)
-
-    def __radd__(self, other: object) -> Symbol:
-        return _joined(other, "+", self, SUM)
-
-    def __sub__(self, other: object) -> Symbol:
-        return _joined(self, "-", other, SUM)
-
-    def __rsub__(self, other: object) -> Symbol:
-        return _joined(other, "-", self, SUM)
-
-    def __mul__(self, other: object) -> Symbol:
-        return _joined(self, "*", other, PRODUCT)
-
-    def __rmul__(self, other: object) -> Symbol:
-        return _joined(other, "*", self, PRODUCT)
-
-    def __truediv__(self, other: object) -> Symbol:
-        return _joined(self, "/", other, PRODUCT)
-
-    def __rtruediv__(self, other: object) -> Symbol:
-        return _joined(other, "/", self, PRODUCT)
+    __add__, __radd__ = _left("+", SUM), _right("+", SUM)
+    __sub__, __rsub__ = _left("-", SUM), _right("-", SUM)
+    __mul__, __rmul__ = _left("*", PRODUCT), _right("*", PRODUCT)
+    __truediv__, __rtruediv__ = _left("/", PRODUCT), _right("/", PRODUCT)
 
     def __pow__(self, other: object) -> Symbol:
         return Symbol(f"{_text(self, ATOM)} ** {_text(other, ATOM)}", POWER)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.scene.stated import StatedScene
+from rungwise.simulation.any_run import AnyRun, by_body
 from rungwise.simulation.moving.frames import WORK
-from rungwise.simulation.record import Record, by_body
 from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ MEASURED = ("residual", "energy")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class MovingRun(Record):
+class MovingRun(AnyRun):
     """The end of a run and its record; what a planar `Run` has, it has under the same names.
 
     `frames` are the states kept; `energy_gained` is the energy that contacts added in steps in which

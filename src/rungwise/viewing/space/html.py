@@ -15,17 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.viewing.skeleton import (
-    CURVES,
-    LARGEST,
-    along_time,
-    bytes_of,
-    fill,
-    kind_of_runs,
-    numbered,
-    quantised,
-    within,
-)
+from rungwise.viewing import skeleton
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film, FilmError, Solid
 from rungwise.viewing.space.shapes import scale, shape
@@ -33,7 +23,7 @@ from rungwise.viewing.write import write
 
 OWN = files("rungwise.viewing.space") / "page"
 DRAWING = ("linear.js", "gpu.js", "bodies.js", "camera.js", "stage.js", "forces.js")
-KIND = kind_of_runs(OWN, "space", "films.js", tuple(OWN / name for name in DRAWING))
+KIND = skeleton.kind_of_runs(OWN, "space", "films.js", tuple(OWN / name for name in DRAWING))
 LONGEST_S = 30.0
 """A run of one second to so many plays in real time, others in six seconds."""
 
@@ -48,13 +38,13 @@ def write_page(films: Sequence[Film], file: str | Path) -> Path:
     return write("file", file, lambda draft: draft.write_text(text, "utf-8"))
 
 
-def page(films: Sequence[Film], largest: int = LARGEST) -> str:
+def page(films: Sequence[Film], largest: int = skeleton.LARGEST) -> str:
     """Text of the file. Frames are left out, evenly, until it has no more than `largest` bytes.
 
     Raises FilmError.
     """
     same_bodies(films)
-    return within(films, lambda thinned: fill(KIND, title(films), _data(thinned)), largest)
+    return skeleton.within(films, lambda thinned: skeleton.fill(KIND, title(films), _data(thinned)), largest)
 
 
 def same_bodies(films: Sequence[Film]) -> None:
@@ -82,7 +72,7 @@ def _data(films: Sequence[Film]) -> dict[str, Any]:
     casts: dict[str, int] = {}
     clips = [
         _clip(film, pairs) | {"label": label, "cast": _cast(film, shapes, casts)}
-        for film, label in zip(films, numbered([film.model for film in films]), strict=True)
+        for film, label in zip(films, skeleton.numbered([film.model for film in films]), strict=True)
     ]
     end = max(float(film.time[-1]) for film in films)
     return {
@@ -113,7 +103,7 @@ def curves_of(films: Sequence[Film]) -> list[tuple[str, str]]:
             push = 0.0 if film.pushes is None else float(film.pushes[:, p].max())
             near = -np.inf if film.gaps is None else -float(np.nan_to_num(film.gaps[:, p], nan=np.inf).min())
             worth[pair] = max(worth.get(pair, (0.0, -np.inf)), (push, near))
-    best = sorted(worth, key=lambda pair: worth[pair], reverse=True)[:CURVES]
+    best = sorted(worth, key=lambda pair: worth[pair], reverse=True)[: skeleton.CURVES]
     return [pair for pair in worth if pair in best]
 
 
@@ -132,15 +122,17 @@ def _clip(film: Film, pairs: Sequence[tuple[str, str]]) -> dict[str, Any]:
     poses = np.concatenate([film.places, film.turns], axis=2)
     gap, push = (np.array([curve_of(film, kind, pair) for pair in pairs]).T for kind in ("gaps", "pushes"))
     return {
-        **along_time(film, poses[:, moving].reshape(len(film.time), -1), gap, push, t.point, t.force),
+        **skeleton.along_time(
+            film, poses[:, moving].reshape(len(film.time), -1), gap, push, t.point, t.force
+        ),
         "notes": list(film.notes),
         "bodies": list(film.bodies),
         "pairs": [" | ".join(pair) for pair in film.pairs],
         "moving": moving.tolist(),
         "rest": poses[0].round(9).tolist(),
-        "pair": bytes_of(t.pair, "<u2"),
-        "normal": quantised(t.normal),
-        "friction": quantised(t.friction[:, None]),
+        "pair": skeleton.bytes_of(t.pair, "<u2"),
+        "normal": skeleton.quantised(t.normal),
+        "friction": skeleton.quantised(t.friction[:, None]),
     }
 
 
@@ -175,7 +167,7 @@ def _welded(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> dict[str
     proper = (new[:, 0] != new[:, 1]) & (new[:, 1] != new[:, 2]) & (new[:, 2] != new[:, 0])
     wide = len(integers) > 65536
     return {
-        "vertices": {"low": low.tolist(), "step": step.tolist(), "data": bytes_of(integers, "<u2")},
-        "faces": bytes_of(new[proper], "<u4" if wide else "<u2"),
+        "vertices": {"low": low.tolist(), "step": step.tolist(), "data": skeleton.bytes_of(integers, "<u2")},
+        "faces": skeleton.bytes_of(new[proper], "<u4" if wide else "<u2"),
         "wide": wide,
     }

@@ -6,7 +6,7 @@ Each pair of numbers is of the first and of the second run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,17 +15,8 @@ from numpy.typing import NDArray
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
 from rungwise.simulation.result import Run
 from rungwise.world import ingredients
-from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, overlap
 from rungwise.world.planar.variant import RESISTS, PlanarVariant
-
-
-def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Numbers for each cause, plain values by name."""
-    own = {
-        ingredients.FRICTION: _contact, ingredients.SUPPORT: _support, ingredients.COMPLIANCE: _overlap,
-        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
-    }  # fmt: skip
-    return evidence_of(own, parting, causes)
 
 
 def end(run: Run) -> dict[str, Any]:
@@ -132,18 +123,6 @@ def _resistance(variant: PlanarVariant, body: str) -> dict[str, float]:
     return found
 
 
-def _overlap(parting: Parting) -> dict[str, Any]:
-    """The deepest overlap where contacts yield, and whose."""
-    deepest, whose = [], []
-    yields = [variant.model.compliant for variant in parting.variants]
-    for motion, soft in zip(parting.motions, yields, strict=True):
-        least = motion.data["gap"].values.min(axis=0, initial=0.0)
-        whose.append(int(least.argmin()))
-        deepest.append(float(max(0.0, -least.min(initial=0.0))) if soft else 0.0)
-    contacts = [str(name) for name in parting.motions[0].data.contact.values]
-    return {"contact": contacts[whose[int(np.argmax(deepest))]], "overlap": deepest, "yields": yields}
-
-
 def _coasting(parting: Parting) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
@@ -194,3 +173,14 @@ def _bounce(parting: Parting) -> dict[str, Any]:
     time, run, contact, hit, rebound = max(known, key=lambda each: each[4])
     speeds = {"met": hit} if hit else {}
     return {"contact": contacts[contact], "time": time, "run": run, **speeds, "left": rebound}
+
+
+evidence = partial(
+    evidence_of,
+    {
+        ingredients.FRICTION: _contact, ingredients.SUPPORT: _support,
+        ingredients.COMPLIANCE: partial(overlap, "contact"),
+        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
+    },
+)  # fmt: skip
+"""Numbers for each cause, plain values by name, of a parting and causes."""

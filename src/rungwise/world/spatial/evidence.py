@@ -6,7 +6,8 @@ Each pair of numbers is of the first and of the second run. Contacts are pairs o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.world import ingredients
 from rungwise.world.contract import OBSTACLE
 from rungwise.world.find import world_of
-from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, speeds
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, overlap, speeds
 from rungwise.world.spatial.variant import SLIP, SpatialVariant
 
 MODES = ("open", "stick", "slip")
@@ -26,15 +27,6 @@ LOOKS = 200
 """Most frames of which the energy is computed."""
 MOST = 3
 """Contacts that are named."""
-
-
-def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Numbers for each cause, plain values by name."""
-    own = {
-        ingredients.BALANCE: _balance, ingredients.FRICTION: _contact, ingredients.COMPLIANCE: _overlap,
-        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
-    }  # fmt: skip
-    return evidence_of(own, parting, causes)
 
 
 def end(run: SpaceRun) -> dict[str, Any]:
@@ -133,17 +125,6 @@ def _frictions(parting: Parting, pair: str) -> list[float]:
     return found
 
 
-def _overlap(parting: Parting) -> dict[str, Any]:
-    """The deepest overlap where contacts yield, and whose."""
-    yields, deepest, whose = [variant.model.compliant for variant in parting.variants], [], []
-    for motion, soft in zip(parting.motions, yields, strict=True):
-        gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
-        pairs = [str(pair) for pair in motion.data.pair.values]
-        whose.append(pairs[int(gaps.argmin())] if len(pairs) else "")
-        deepest.append(float(-gaps.min(initial=0.0)) if soft else 0.0)
-    return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
-
-
 def _coasting(parting: Parting) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
@@ -203,3 +184,14 @@ def _bounce(parting: Parting) -> dict[str, Any]:
             found.append((told["met"], told))
     known = [each for each in found if each[1]["time"] <= parting.time] or found
     return dict(max(known, key=lambda each: each[0])[1]) if known else {}
+
+
+evidence = partial(
+    evidence_of,
+    {
+        ingredients.BALANCE: _balance, ingredients.FRICTION: _contact,
+        ingredients.COMPLIANCE: partial(overlap, "pair"),
+        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
+    },
+)  # fmt: skip
+"""Numbers for each cause, plain values by name, of a parting and causes."""

@@ -1,4 +1,4 @@
-"""What runs of all worlds have in common at their end."""
+"""The end of a run of any world."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from rungwise.contact.judge import Certificate
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.plain import cut
+from rungwise.plain import run_of
+from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
 from rungwise.simulation.trajectory import save
@@ -25,15 +26,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record:
-    """The end of a run and its record.
+class AnyRun:
+    """The end of a run of any world, and its record; see `rungwise.Run`.
 
     `inputs` holds the schedule, `theta` is the theta in use (see `Simulation`); `worst_residual` is the
     largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing support;
     `wall_s` is the time that steps took, without compilation; `notes` are remarks on changes, omissions and
     oddities, a line each (see `simulation.reasons.remarks`)."""
 
-    scene: Any
+    scene: AnyScene
     model: Rung
     parameters: dict[str, float]
     inputs: tuple[Segment, ...]
@@ -60,6 +61,11 @@ class Record:
 
     @property
     @abstractmethod
+    def state(self) -> State:
+        """The state at the end. Raises ValueError for a run that never began."""
+
+    @property
+    @abstractmethod
     def states(self) -> list[State]:
         """The states of the recorded frames, in the order of `trajectory.time`."""
 
@@ -79,10 +85,8 @@ class Record:
         """Coordinates at the end, by body and name."""
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at"
-            f" t = {self.time:.6g}, {self.steps} steps, worst residual {self.worst_residual:.1e}>"
-        )
+        told = f"{self.outcome} at t = {self.time:.6g}, {self.steps} steps"
+        return run_of(self, f"{told}, worst residual {self.worst_residual:.1e}")
 
     def check_begun(self) -> None:
         """Raise ValueError for a run that never began."""
