@@ -35,7 +35,8 @@ NAMES = {
 }  # fmt: skip
 """Look up, change or describe a scene, a problem or a result."""
 ARRAYS = {
-    "apart", "between", "classify", "diameter", "force_closure", "form_closure", "gradient",
+    "apart", "as_good", "between", "classify", "failure", "diameter", "force_closure", "form_closure",
+    "gradient",
     "labels", "off", "predicted", "random", "sensitivity", "squeeze_plan", "squeezed", "state",
     "split", "take", "touching", "volumes", "witness",
 }  # fmt: skip
@@ -205,6 +206,7 @@ CALLS: dict[str, tuple[Call, Says]] = {
         text,
     ),
     "compare": (lambda _: rw.compare("two_finger", limit=0), unfinished),
+    "explain": (lambda _: rw.explain("two_finger", MOTIONS, ("v1",), held_out=MOTIONS, limit=0), text),
     "fit": (lambda _: rw.fit("two_finger", "kinematic", MOTIONS, ("v1",), limit=0), text),
     "Counterexample.replay": (
         lambda _: COUNTER.replay(limit=0),
@@ -252,7 +254,7 @@ STEP.H[:] = np.eye(3)
 LINEAR = rw.Sensitivity(STEP, STEP.c, STEP.w, STEP.w_s)
 COUNTER = rw.Counterexample("two runs", _side, _side, 0.1, False, {}, rw.load("two_finger"))
 RAISES = {
-    "fit",
+    "explain", "fit",
     "Sensitivity.forward", "ask", "compare", "diagnose", "doomed_set", "draw_parting", "extreme_motions",
     "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets", "step_sensitivity",
 }  # fmt: skip

@@ -403,6 +403,7 @@ def test_python_of_the_documentation_runs_and_prints(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     text = (ROOT / "docs" / page).read_text("utf-8")
+    (tmp_path / "examples").symlink_to(ROOT / "examples")  # as in a checkout
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):

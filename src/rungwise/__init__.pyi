@@ -19,8 +19,10 @@ from .contact.solve import solve
 from .deadline import LimitError
 from .errors import InputError
 from .fitting.errors import MotionError
+from .fitting.explain import Explanation, explain
 from .fitting.fit import fit
 from .fitting.found import Fit, Residual
+from .fitting.log import FitError
 from .fitting.motions import Motions
 from .hierarchy.compare import compare
 from .hierarchy.comparison import Comparison
@@ -100,8 +102,10 @@ __all__ = [
     "Design",
     "Diagnosis",
     "DoomedSet",
+    "Explanation",
     "FeasibleSet",
     "Fit",
+    "FitError",
     "Geometry",
     "InputError",
     "InvalidScene",
@@ -162,6 +166,7 @@ __all__ = [
     "diagnose",
     "doomed_set",
     "draw_parting",
+    "explain",
     "extreme_motions",
     "feasible_set",
     "fit",

@@ -16,6 +16,7 @@ from rungwise.cli.commands import (
     compare,
     design,
     doomed,
+    fit,
     models,
     plan,
     replay,
@@ -36,7 +37,7 @@ app = typer.Typer(
 )
 for _command in (
     models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
-    design.design, compare.compare, solve.solve, view.view, replay.replay,
+    design.design, compare.compare, fit.fit, solve.solve, view.view, replay.replay,
 ):  # fmt: skip
     app.command()(_command)
 

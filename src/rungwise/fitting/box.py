@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.workers import names_of
 from rungwise.wording import choices
@@ -26,6 +26,10 @@ class Box(NamedTuple):
     low: Reals
     high: Reals
     logs: NDArray[np.bool_]
+
+    def take(self, rows: Ints) -> Box:
+        """Some of the parameters."""
+        return Box(tuple(self.names[k] for k in rows), self.low[rows], self.high[rows], self.logs[rows])
 
     def values(self, unit: Reals) -> Reals:
         """Parameters (..., k) at places (..., k) of the cube."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from rungwise.content import ByContent
+from rungwise.fitting.score import Phase
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
@@ -34,10 +35,11 @@ class Fit(ByContent):
 
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
     in the order of `over`; open: what the motions do not determine, by name, with a line on it; residuals: by
-    coordinate; misfit: loss of errors over what measurement and starts make it (1 where they explain all),
-    the median over trials; moved: by how much starts that overlap were moved at most, in lengths;
-    ended: part of the runs that came to the end of their span; loss: the robust loss; runs: how many were
-    made; unfinished: what a limit left undone, in words; wall_s.
+    coordinate; phases: errors of short spans by what happens in them; misfit: loss of errors over what
+    measurement and starts make it (1 where they explain all), the median over trials; trials, spans, span:
+    how many, and how long; moved: by how much starts that overlap were moved at most, in lengths; ended: part
+    of the runs that came to the end of their span; loss: the robust loss; runs: how many were made;
+    unfinished: what a limit left undone, in words; wall_s.
     """
 
     measured_on: Any
@@ -48,6 +50,7 @@ class Fit(ByContent):
     correlation: Reals
     open: dict[str, str]
     residuals: tuple[Residual, ...]
+    phases: tuple[Phase, ...]
     misfit: float
     trials: int
     spans: int
@@ -58,7 +61,6 @@ class Fit(ByContent):
     runs: int
     wall_s: float
     unfinished: str = ""
-    _units: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def outside(self) -> bool:
@@ -67,8 +69,9 @@ class Fit(ByContent):
 
     @property
     def ok(self) -> bool:
-        """Whether the search came to its end, and all that was asked for is determined."""
-        return not self.unfinished and not self.open
+        """Whether the search came to its end, all that was asked for is determined, and it explains the
+        motions."""
+        return not self.unfinished and not self.open and not self.outside
 
     @property
     def scene(self) -> Any:
@@ -108,6 +111,10 @@ class Fit(ByContent):
             f" measurement and starts make {each.expected:.3g}"
             for each in self.residuals
         ]
+        lines += [
+            f"  {each.name}: {each.spans} short spans, place {each.place:.3g}, turn {each.turn:.3g}"
+            for each in self.phases
+        ]
         lines.append(f"  {self.verdict}")
         lines += [f"  {self.unfinished}"] if self.unfinished else []
         return "\n".join(lines)
@@ -128,7 +135,8 @@ class Fit(ByContent):
             "scene": self.measured_on.name, "model": self.model.name, "values": self.values,
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
             "correlation": self.correlation.tolist(), "open": self.open,
-            "residuals": [vars(each) for each in self.residuals], "misfit": self.misfit,
+            "residuals": [vars(each) for each in self.residuals],
+            "phases": [vars(each) for each in self.phases], "misfit": self.misfit,
             "outside": self.outside, "verdict": self.verdict, "trials": self.trials, "spans": self.spans,
             "span": self.span, "moved": self.moved, "ended": self.ended, "loss": self.loss,
             "runs": self.runs, "wall_s": self.wall_s, "unfinished": self.unfinished,

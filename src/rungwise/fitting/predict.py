@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.deadline import NEVER, Deadline, TimeOver
 from rungwise.fitting.layout import Compared
+from rungwise.fitting.log import Log
 from rungwise.fitting.spans import Spans
 from rungwise.fitting.starts import Parting
 from rungwise.kernel import Reals
@@ -35,26 +36,33 @@ class Predicted(NamedTuple):
 class Predictor:
     """Runs of a scene on a rung from the starts of spans. Its conditions are left out: they would end runs.
 
-    parameters: those that are neither in `over` nor known in the spans; tol: error allowed per step.
+    parameters: those that are neither in `over` nor known in the spans; tol: error allowed per step; made
+    (1,): runs that were made, on other spans, too.
     """
 
     def __init__(
         self, scene: Any, model: Rung, spans: Spans, compared: Compared, over: Sequence[str],
         parameters: Mapping[str, float], *, tol: float | None, step: float | None, threads: int | None,
-        deadline: Deadline = NEVER, told: Callable[[int], None] | None = None,
+        deadline: Deadline = NEVER, log: Log | None = None,
     ) -> None:  # fmt: skip
         self.scene = scene.changed(goal=None, unsafe=None, doomed=None)
         self.model, self.spans, self.compared, self.over = model, spans, compared, tuple(over)
         self._given = dict(parameters)
         self._options = {"tol": tol, "step": step, "theta": 1.0, "motion": None}
-        self._threads, self._deadline, self._told = threads, deadline, told
+        self._threads, self._deadline, self._log = threads, deadline, log
         self._parting = Parting(self.scene)
-        self.runs, self.moved = 0, np.zeros(len(spans.trial))
+        self.made, self.moved = np.zeros(1, np.int64), np.zeros(len(spans.trial))
 
     def on(self, spans: Spans) -> Predictor:
         """The same on other spans."""
         found = object.__new__(Predictor)
-        vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial)), "runs": 0})
+        vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial))})
+        return found
+
+    def over_only(self, names: Sequence[str]) -> Predictor:
+        """The same over some of the parameters."""
+        found = self.on(self.spans)
+        found.over = tuple(names)
         return found
 
     def __call__(self, points: Reals, shifts: Reals | None = None) -> Predicted:
@@ -69,7 +77,31 @@ class Predictor:
         ]
         return Predicted(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
+    def gaps(self, point: Reals, places: Reals) -> Reals:
+        """Gaps (s, g, c) at places (s, g, n_q) of spans, at a point (k,) of the parameters."""
+        s, g, n = places.shape
+        named = self._given | dict(zip(self.over, point.tolist(), strict=True))
+        found = np.zeros((s, g, len(self.scene.template.contacts)))
+        for row in np.unique(self.spans.values, axis=0):
+            same = (self.spans.values == row).all(axis=1)
+            known = dict(zip(self.spans.known, row.tolist(), strict=True))
+            place = world_of(self.scene).place(named | known)
+            found[same] = place.geometry(places[same].reshape(-1, n))[0].reshape(int(same.sum()), g, -1)
+        return found
+
     def _together(self, points: Reals, shifts: Reals | None) -> Predicted:
+        """The same of few candidates: from the log, or by runs."""
+        kept = None if self._log is None else self._log.next()
+        self.made[0] += len(points) * len(self.spans.trial)
+        if kept is not None:
+            self.moved = kept[2]
+            return Predicted(*kept[:2])
+        found = self._run(points, shifts)
+        if self._log is not None:
+            self._log.keep(*found, self.moved)
+        return found
+
+    def _run(self, points: Reals, shifts: Reals | None) -> Predicted:
         spans, (p, s) = self.spans, (len(points), len(self.spans.trial))
         n = spans.q.shape[1]
         starts = np.zeros((p, s, n + spans.v.shape[1]))
@@ -87,11 +119,10 @@ class Predictor:
         )  # fmt: skip
         found = world_of(self.scene).rollout(
             self.model, wanted, self._options, keep=True, budget=None, threads=self._threads, chunk=None,
-            deadline=self._deadline, on_progress=self._look,
+            deadline=self._deadline, on_progress=None,
         )  # fmt: skip
         if self._deadline.is_over:
             raise TimeOver("in the runs of a fit")
-        self.runs += p * s
         q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)
         errors = self.compared.errors(q, spans.aims)
         errors[:, ~spans.counts] = 0.0
@@ -108,11 +139,6 @@ class Predictor:
             apart = self._parting(q[same], named | known)
             found[same], self.moved[same] = apart.q, apart.moved
         return found
-
-    def _look(self, done: int) -> None:
-        self._deadline.look()
-        if self._told is not None:
-            self._told(done)
 
 
 def _held(found: Any, starts: Reals) -> Reals:

@@ -1,0 +1,116 @@
+"""A fit before its first run: the scene, the motions laid out for it, and what makes its runs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rungwise.deadline import Deadline
+from rungwise.errors import InputError
+from rungwise.fitting.box import Box, box_of
+from rungwise.fitting.errors import MotionError
+from rungwise.fitting.layout import Layout, laid_out
+from rungwise.fitting.log import Log
+from rungwise.fitting.motions import Motions, check_parameters
+from rungwise.fitting.predict import Predictor
+from rungwise.fitting.spans import Spans, spans_of
+from rungwise.models.ladder import Rung
+from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.values import shown
+from rungwise.scene.read import load
+
+SHORT = 5
+"""Short spans, by which phases are told apart, in one of the default length; and their moments."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How runs are made: as of `rungwise.fit`."""
+
+    span: float | None
+    moments: int
+    step: float | None
+    tol: float | None
+    threads: int | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a fit on a rung is about: scene, rung, box of the parameters that are sought, values of others,
+    motions as the scene's states."""
+
+    scene: AnyScene
+    rung: Rung
+    motions: Motions
+    box: Box
+    given: dict[str, float]
+    layout: Layout
+    options: Options
+
+    def predictor(self, spans: Spans, deadline: Deadline, log: Log | None = None) -> Predictor:
+        """What runs the spans."""
+        return Predictor(
+            self.scene, self.rung, spans, self.layout.compared, self.box.names, self.given,
+            tol=self.options.tol, step=self.options.step, threads=self.options.threads, deadline=deadline,
+            log=log,
+        )  # fmt: skip
+
+    def spans(self) -> Spans:
+        """The spans of the fit."""
+        return spans_of(self.scene, self.layout, self.options.span, self.options.moments)
+
+    def short(self) -> Spans:
+        """Short spans."""
+        frames = self.layout.trials
+        length = float(np.median([each.times[-1] - each.times[0] for each in frames])) / (4.0 * SHORT)
+        step = max(float(np.median(np.diff(each.times))) for each in frames)
+        return spans_of(self.scene, self.layout, max(length, 2.0 * step), SHORT)
+
+    def log(self, out: str | Path | None, resume: bool) -> Log | None:
+        """The log of this fit in a folder. Raises FitError."""
+        if out is None:
+            return None
+        options = self.options
+        request = {
+            "scene": hashlib.sha256(self.scene.content.encode()).hexdigest(), "model": self.rung.name,
+            "inertia": self.rung.inertia, "motions": _digest(self.motions), "over": list(self.box.names),
+            "low": self.box.low.tolist(), "high": self.box.high.tolist(), "parameters": self.given,
+            "span": str(options.span), "moments": options.moments, "step": str(options.step),
+            "tol": str(options.tol), "seed": options.seed,
+        }  # fmt: skip
+        return Log(Path(out), request, resume)
+
+
+def prepare(
+    scene: AnyScene | str | Path | Mapping[str, Any], rung: Rung, motions: Motions,
+    over: Sequence[str] | str, box: Mapping[str, tuple[float, float]] | None,
+    parameters: Mapping[str, float] | None, options: Options,
+) -> Prepared:  # fmt: skip
+    """What a fit is about. Raises MotionError, SceneError or InputError for wrong input."""
+    loaded = load(scene)
+    if not isinstance(motions, Motions):
+        raise MotionError(f"motions: must be rw.Motions, not {shown(motions)}")
+    within = box_of(loaded, over, box)
+    for name in parameters or {}:
+        if name in within.names:
+            raise InputError(f"parameters.{name}: is given, and `over` asks for it")
+    values = loaded.parameters(parameters)
+    given = {name: values[name] for name in (parameters or {})}
+    check_parameters(motions, within.names, loaded.file.parameters, loaded.template.inputs)
+    return Prepared(loaded, rung, motions, within, given, laid_out(loaded, motions), options)
+
+
+def _digest(motions: Motions) -> str:
+    """What tells motions apart."""
+    found = hashlib.sha256(repr((motions.coordinates, motions.rates, motions.deviations)).encode())
+    for trial in motions.trials:
+        found.update(repr((trial.parameters, sorted(trial.inputs))).encode())
+        for array in (trial.times, trial.q, trial.v, *(trial.inputs[name] for name in sorted(trial.inputs))):
+            found.update(b"" if array is None else array.tobytes())
+    return found.hexdigest()
