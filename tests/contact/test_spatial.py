@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.residual import residual
 from rungwise.contact.step.residual_in_space import residual_in_space
@@ -371,3 +371,35 @@ def test_many_bodies_that_touch_each_other_are_solved(compliant: bool) -> None:
     """Islands of so many coordinates that their matrices are kept by blocks."""
     rng = np.random.default_rng(8)
     assert all(solve(draw(rng, 3, compliant, bodies=15)).status == SOLVED for _ in range(10))
+
+
+def wall(rng: np.random.Generator, gap: float) -> ContactProblem:
+    """Bricks of unequal mass that move a little, each on two others; faces touch at the corners that they
+    share, whose gaps are up to this rate to close: which corners carry is hard to say."""
+    width, rows, mu = int(rng.integers(2, 5)), int(rng.integers(2, 6)), rng.uniform(0.2, 0.8)
+    pace = 10.0 ** rng.uniform(-3.0, 0.0)
+    places = [(column + 0.5 * (row % 2), float(row)) for row in range(rows) for column in range(width)]
+    faces = [(i, -1, x - 0.5, x + 0.5) for i, (x, z) in enumerate(places) if z == 0.0]
+    for i, (x, z) in enumerate(places):
+        for j, (y, below) in enumerate(places):
+            if below == z - 1.0 and abs(x - y) < 1.0:
+                faces.append((i, j, max(x, y) - 0.5, min(x, y) + 0.5))
+    p = allocate_problem(6 * len(places), 4 * len(faces), 0, 3)
+    p.quantum[0], p.mu[:] = 1e-12, mu
+    for b in range(len(places)):
+        own, mass = slice(6 * b, 6 * b + 6), 10.0 ** rng.uniform(-0.7, 0.7)
+        p.H[own, own] = mass * np.diag([1.0, 1.0, 1.0, *[1.0 / 6.0] * 3]) / H
+        p.c[own] = p.H[own, own] @ (pace * rng.normal(size=6))
+        p.c[6 * b + 2] -= mass * G
+    corners = [(i, j, x, y) for i, j, *ends in faces for x in ends for y in (-0.5, 0.5)]
+    for k, (i, j, x, y) in enumerate(corners):
+        touch(p, k, i, 1.0, np.array([x - places[i][0], y, -0.5]))
+        if j >= 0:
+            touch(p, k, j, -1.0, np.array([x - places[j][0], y, 0.5]))
+        p.w[3 * k] = gap * rng.uniform()
+    return p
+
+
+def test_walls_whose_corners_disagree_are_solved_by_newtons_method() -> None:
+    found = [solve(wall(np.random.default_rng(seed), 1e-4)) for seed in range(24)]
+    assert sum(each.status == SOLVED and each.stage <= PROXIMAL for each in found) >= 10

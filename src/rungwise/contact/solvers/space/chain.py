@@ -20,7 +20,7 @@ import numpy as np
 from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
 from rungwise.contact.solvers.space.newton import GIVE, Steps, descend, is_wide, plan_blocks
 from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
-from rungwise.contact.solvers.space.proximal import approach, residual_at
+from rungwise.contact.solvers.space.proximal import approach, put, residual_at
 from rungwise.contact.solvers.space.rows import (
     Bodies,
     Groups,
@@ -46,7 +46,7 @@ _NEAR = 0.3
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
 """Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
 Chosen by trial."""
-_SUBPROBLEMS = 20
+_SUBPROBLEMS = 40
 """Most subproblems of the proximal point method; chosen by trial."""
 _PATH, _WINDOW, _STALLED = 40, 6, 0.7
 """Most steps of the interior point method, which ends where product and residual are above this share of
@@ -146,7 +146,7 @@ def solve_spatial(
                 answers, Duals(dual[0], dual[1], dual[2], dual[3]), steps,
             )  # fmt: skip
             if polishes:
-                descend(touching, GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
+                descend(touching, GIVE, 0.0, _STEPS, point, room.trial, steps)
             else:
                 worst = max(worst, _solve_island(touching, lone, demand, going, room))
         for i in range(n):
@@ -228,15 +228,15 @@ def _solve_island(island: Island, lone: bool, demand: float, going: Reals, room:
     found = residual_at(island, point, steps)
     if found <= _ENOUGH * TOLERANCE:
         return GUESS
-    _put(island, point, best)
+    put(island, point, best)
     if found <= _NEAR:
-        descend(island, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        descend(island, GIVE, tol, _STEPS, point, trial, steps)
         if measure(island, point, steps.dv) <= tol:
             return PROXIMAL
     respond(island, room.answers)
     for turn in range(2 if demand > 0.0 else 1):
         _look_ahead(island, demand if turn == 1 else 0.0)
-        _put(island, best, point)
+        put(island, best, point)
         if _by_newton(island, room):
             return PROXIMAL
     for turn in range(1 if demand > 0.0 else 0, -1, -1):
@@ -263,7 +263,7 @@ def _by_newton(island: Island, room: Room) -> bool:
     for turn in range(_TURNS):
         sweep(island, answers, _SWEEPS << turn, point, steps.dx)
         accelerate(island, point)
-        give = descend(island, give, 0.0, tol, _STEPS, point, trial, steps)
+        give = descend(island, give, tol, _STEPS, point, trial, steps)
         if measure(island, point, steps.dv) <= tol:
             return True
     found = approach(island, answers, tol, _SUBPROBLEMS, point, trial, steps)
@@ -289,27 +289,18 @@ def _by_path(island: Island, room: Room) -> bool:
             earlier, before = product, found
         if found < least:
             least = found
-            _put(island, point, best)
+            put(island, point, best)
         if found < finish:
             finish = _NEARER * found
-            _put(island, point, attempt)
+            put(island, point, attempt)
             found = approach(island, answers, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
-                _put(island, attempt, best)
+                put(island, attempt, best)
         if least <= _ENOUGH * TOLERANCE:
             break
-    _put(island, best, point)
+    put(island, best, point)
     return bool(least <= _ENOUGH * TOLERANCE)
-
-
-@inner_kernel
-def _put(island: Island, source: Point, target: Point) -> None:
-    groups, span = island.groups, island.span
-    for i in range(span.low, span.high):
-        target.v[i] = source.v[i]
-    for r in range(groups.row[span.first], groups.row[span.last]):
-        target.x[r] = source.x[r]
 
 
 @kernel

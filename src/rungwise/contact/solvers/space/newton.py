@@ -316,25 +316,25 @@ def find_step(island: Island, point: Point, steps: Steps) -> None:
 
 @kernel
 def descend(
-    island: Island, give: float, hold: float, tol: float, most: int, point: Point, trial: Point, steps: Steps
+    island: Island, give: float, tol: float, most: int, point: Point, trial: Point, steps: Steps
 ) -> float:
-    """Move the point by Newton steps while the map falls, until the residual is within `tol`, or with hold
-    the map. Returns the yield of the last steps, less than `give` where whole steps were slow."""
-    size = evaluate(island, hold, point, steps)
+    """Move the point by Newton steps while the map falls, until the residual is within `tol`. Returns the
+    yield of the last steps, less than `give` where whole steps were slow."""
+    size = evaluate(island, 0.0, point, steps)
     for _ in range(most):
-        if not prepare(island, give, hold, steps):
+        if not prepare(island, give, 0.0, steps):
             return give
         for attempt in range(1 + _CHORDS):
             find_step(island, point, steps)
             length, newer = 1.0, math.inf
             for _ in range(_HALVINGS if attempt == 0 else 1):
                 _move(island, point, length, steps, trial)
-                newer = evaluate(island, hold, trial, steps)
+                newer = evaluate(island, 0.0, trial, steps)
                 if newer <= ((1.0 - _FALL * length) if attempt == 0 else _FAST) * size:
                     break
                 length, newer = 0.5 * length, math.inf
             if not newer < math.inf:
-                evaluate(island, hold, point, steps)
+                evaluate(island, 0.0, point, steps)
                 if attempt == 0 and give <= _LEAST:
                     return give
                 give = max(give * _FIRMER, _LEAST) if attempt == 0 else give
@@ -343,10 +343,7 @@ def descend(
                 give = max(give * _FIRMER, _LEAST)
             size = newer
             _take(island, trial, point)
-            if hold > 0.0:
-                if size <= tol:
-                    return give
-            elif measure(island, point, steps.dv) <= tol:
+            if measure(island, point, steps.dv) <= tol:
                 return give
             if length < 1.0:
                 break
