@@ -199,3 +199,19 @@ def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
         for j in range(len(right)):
             total -= right[j] * known[j]
         x[i] = total * a[i, i]
+
+
+@inner_kernel
+def invert(a: Reals, size: int) -> None:
+    """Invert a positive definite matrix a[:size, :size] in place (Gauss-Jordan; no pivoting is needed)."""
+    for k in range(size):
+        pivot = 1.0 / a[k, k]
+        a[k, k] = 1.0
+        for j in range(size):
+            a[k, j] *= pivot
+        for i in range(size):
+            if i != k:
+                factor = a[i, k]
+                a[i, k] = 0.0
+                for j in range(size):
+                    a[i, j] -= factor * a[k, j]

@@ -22,9 +22,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rungwise.contact.linear import invert
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.models.entries import fill_entries, take_entries
+from rungwise.models.entries import Velocities, fill_entries, take_entries
 from rungwise.system.entries import is_crowded, rate, spans
 from rungwise.system.terms import JOINT, Terms
 
@@ -46,26 +47,24 @@ def assemble(
     terms: Terms,
     contacts: int,
     limited: int,
-    free: Ints,
-    n: int,
-    v: Reals,
-    speed: Reals,
+    velocities: Velocities,
     bounce: bool,
     problem: ContactProblem,
 ) -> bool:
-    """Fill `problem` for the `free` (n,) coordinates; the others move at `speed`, and the step starts from v.
+    """Fill `problem`.
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
     h, theta, eps, ease = step
+    free, n, v, speed = velocities
     problem.quantum[0] = terms.rounding[0] / h
     crowded = is_crowded(terms.entries)
     if crowded:
-        fill_entries(rung, h * theta, eps, terms, free, n, v, speed, problem)
+        fill_entries(rung, h * theta, eps, terms, velocities, problem)
     elif rung[0].metric:
         _fill_metric(terms, free, n, problem)
     else:  # (1) balance
-        _fill_balance(rung, h * theta, eps, terms, free, n, v, speed, problem)
+        _fill_balance(rung, h * theta, eps, terms, velocities, problem)
     bounced, driven = False, _is_driven(speed)
     d = terms.contact_stiffness.shape[1]
     for k in range(contacts):
@@ -140,16 +139,9 @@ def _fill_metric(terms: Terms, free: Ints, n: int, problem: ContactProblem) -> N
 
 @kernel
 def _fill_balance(
-    rung: RecordArray,
-    step: float,
-    eps: float,
-    terms: Terms,
-    free: Ints,
-    n: int,
-    v: Reals,
-    speed: Reals,
-    problem: ContactProblem,
+    rung: RecordArray, step: float, eps: float, terms: Terms, velocities: Velocities, problem: ContactProblem
 ) -> None:
+    free, n, v, speed = velocities
     inertia, driven = eps / step, _is_driven(speed)
     momentum = inertia if rung[0].inertia > 0.0 else 0.0
     for i in range(n):
@@ -249,7 +241,7 @@ def _soften(k: int, d: int, h: float, theta: float, terms: Terms, problem: Conta
     for i in range(d):
         for j in range(d):
             problem.R[k, i, j] = theta * h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]
-    _invert(problem.R[k], d)
+    invert(problem.R[k], d)
     for i in range(d):
         kept, yielded = 0.0, 0.0
         for j in range(d):
@@ -261,22 +253,6 @@ def _soften(k: int, d: int, h: float, theta: float, terms: Terms, problem: Conta
             kept += problem.R[k, i, j] * (damp - (1.0 - theta) * h * stiff)
             yielded += problem.R[k, i, j] * stiff
         problem.w[k * d + i] = (terms.gap[k] + kept) / h if i == 0 else -yielded
-
-
-@kernel
-def _invert(a: Reals, d: int) -> None:
-    """Invert a positive definite matrix in place (Gauss-Jordan; no pivoting is needed)."""
-    for k in range(d):
-        pivot = 1.0 / a[k, k]
-        a[k, k] = 1.0
-        for j in range(d):
-            a[k, j] *= pivot
-        for i in range(d):
-            if i != k:
-                factor = a[i, k]
-                a[i, k] = 0.0
-                for j in range(d):
-                    a[i, j] -= factor * a[k, j]
 
 
 @kernel
@@ -299,7 +275,7 @@ def deform(
         for i in range(d):
             for j in range(d):
                 problem.R[k, i, j] = h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]
-        _invert(problem.R[k], d)
+        invert(problem.R[k], d)
     for i in range(d):
         after[i] = 0.0
         for j in range(d):

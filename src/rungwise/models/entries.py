@@ -5,25 +5,30 @@ The arrays of a problem are kept from step to step: what the last assembly wrote
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, rare_kernel
-from rungwise.system.entries import Entries, number_free, set_spans, spans
+from rungwise.system.entries import clear_spans, number_free, set_spans, spans
 from rungwise.system.terms import Terms
+
+
+class Velocities(NamedTuple):
+    """Which velocities a step asks for: those of the first n of the coordinates `free`; v (n_v,) before it;
+    speed (n_v,) of the others, zero where they are free."""
+
+    free: Ints
+    n: int
+    v: Reals
+    speed: Reals
 
 
 @rare_kernel
 def fill_entries(
-    rung: RecordArray,
-    step: float,
-    eps: float,
-    terms: Terms,
-    free: Ints,
-    n: int,
-    v: Reals,
-    speed: Reals,
-    problem: ContactProblem,
+    rung: RecordArray, step: float, eps: float, terms: Terms, velocities: Velocities, problem: ContactProblem
 ) -> None:
-    """Fill in H and c of the `free` (n,) coordinates, of the kinematic rung, too."""
+    """Fill in H and c of the free coordinates, of the kinematic rung, too."""
+    free, n, v, speed = velocities
     entries, metric = terms.entries, rung[0].metric
     number_free(entries, free, n)
     place, couplings = entries.place, entries.couplings
@@ -51,7 +56,7 @@ def take_entries(k: int, d: int, terms: Terms, problem: ContactProblem) -> None:
     """Copy the free coordinates of the rows of contact k."""
     entries = terms.entries
     place, columns = entries.place, entries.columns
-    _clear(k, d, entries, problem.W)
+    clear_spans(entries.columns, k, d, problem.W)
     first, end, second, last = spans(entries.rows, k)
     for r in range(k * d, k * d + d):
         for i in range(first, end):
@@ -61,13 +66,3 @@ def take_entries(k: int, d: int, terms: Terms, problem: ContactProblem) -> None:
             if place[i + 1] > place[i]:
                 problem.W[r, place[i]] = terms.rows[r, i]
     set_spans(columns, k, place[first], place[end], place[second], place[last])
-
-
-@rare_kernel
-def _clear(k: int, d: int, entries: Entries, W: Reals) -> None:
-    first, end, second, last = spans(entries.columns, k)
-    for r in range(k * d, k * d + d):
-        for i in range(first, end):
-            W[r, i] = 0.0
-        for i in range(second, last):
-            W[r, i] = 0.0

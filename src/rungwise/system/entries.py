@@ -78,15 +78,21 @@ def fill_span(entries: Entries, k: int, n: int) -> None:
 
 
 @inner_kernel
+def clear_spans(columns: Ints, k: int, directions: int, rows: Reals) -> None:
+    """Let the rows of contact k be zero in its two spans of `columns` (k, 4)."""
+    first, end, second, last = spans(columns, k)
+    for r in range(directions * k, directions * k + directions):
+        for i in range(first, end):
+            rows[r, i] = 0.0
+        for i in range(second, last):
+            rows[r, i] = 0.0
+
+
+@inner_kernel
 def clear_rows(entries: Entries, k: int, directions: int, rows: Reals) -> None:
     """Let the rows of contact k, which has so many directions, be zero."""
     if is_crowded(entries):
-        a, b, c, d = spans(entries.rows, k)
-        for r in range(directions * k, directions * k + directions):
-            for i in range(a, b):
-                rows[r, i] = 0.0
-            for i in range(c, d):
-                rows[r, i] = 0.0
+        clear_spans(entries.rows, k, directions, rows)
     else:
         for r in range(directions * k, directions * k + directions):
             rows[r, :] = 0.0

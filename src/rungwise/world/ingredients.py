@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,8 +140,12 @@ def parameters(parting: Parting) -> dict[str, Any]:
     return {name: [one[name], other[name]] for name in one if name in other and one[name] != other[name]}
 
 
+Evidence: TypeAlias = Callable[[Parting], dict[str, Any]]
+"""Numbers that go with a cause."""
+
+
 def evidence_of(
-    own: Mapping[str, Callable[[Parting], dict[str, Any]]], parting: Parting, causes: Sequence[str]
+    own: Mapping[str, Evidence], parting: Parting, causes: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name: those that a world's `own` functions give, and else what
     holds in all worlds."""

@@ -15,7 +15,7 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Reals, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 MAX_FLIPS = 12
 """Solves in which contacts may change their mode, at most."""
@@ -215,9 +215,7 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
     changed = 0
     for k in range(contacts):
         wanted = _contact_mode(p, n, k, unknowns, slack, tiny, give, centre)
-        if wanted != mode[k] and changed < most:
-            changed += 1
-            mode[k] = wanted
+        changed += turned_to(wanted, mode, k, changed < most)
     for r in range(limited):
         at = contacts + r
         wanted = asked_by_limit(mode[at], tau[r], p.F[r])
@@ -227,10 +225,17 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
             for i in range(n):
                 s += p.S[r, i] * v[i]
             wanted = STICK if s * tau[r] > 0.0 else mode[at]
-        if wanted != mode[at] and changed < most:
-            changed += 1
-            mode[at] = wanted
+        changed += turned_to(wanted, mode, at, changed < most)
     return changed > 0
+
+
+@inner_kernel
+def turned_to(wanted: int, mode: Ints, k: int, may_change: bool) -> int:
+    """Let mode k be the one wanted, if it may; 1 where it was another, else 0."""
+    if wanted == mode[k] or not may_change:
+        return 0
+    mode[k] = wanted
+    return 1
 
 
 @kernel

@@ -40,6 +40,40 @@ WEDGED = 1e3
 Chosen by trial, to a decade."""
 
 
+class Round(NamedTuple):
+    """A proximal problem: its yield rho; whether factors belong to it and to the modes; the residual of the
+    one before, and whether rho was lowered since."""
+
+    rho: float
+    factored: bool
+    before: float
+    lowered: bool
+
+
+@inner_kernel
+def first_round() -> Round:
+    return Round(FIRST, False, math.inf, False)
+
+
+@inner_kernel
+def stiffer(last: Round) -> Round:
+    """The round after one whose modes did not settle."""
+    return Round(min(100.0 * last.rho, MOST), False, last.before, last.lowered)
+
+
+@inner_kernel
+def next_round(last: Round, found: float) -> Round:
+    """The round after one of this residual: about other forces, and softer where they gained little."""
+    lowered = found > 0.1 * last.before
+    return Round(max(0.01 * last.rho, LEAST) if lowered else last.rho, not lowered, found, lowered)
+
+
+@inner_kernel
+def is_final(found: float, last: Round, enough: float) -> bool:
+    """Whether a residual ends the rounds: where a smaller rho does not help, the rest is rounding."""
+    return bool(found <= TARGET or (found <= enough and last.lowered and found > 0.5 * last.before))
+
+
 class Yielding(NamedTuple):
     """The problem in which forces yield about their last values, of n velocities and r rows.
 
@@ -86,12 +120,12 @@ def solve_proximal(
         v[i] = 0.0
         unit[i] = 1.0 / math.sqrt(problem.H[i, i])
     collect(sizes, unknowns, centre)
-    rho, before, factored, lowered = FIRST, math.inf, False, False
+    last = first_round()
     for _ in range(MAX_ROUNDS):
-        if not _settle(problem, sizes, rho, factored, soft, unknowns, halt):
-            if rho >= MOST or halt[0] != 0:
+        if not _settle(problem, sizes, last, soft, unknowns, halt):
+            if last.rho >= MOST or halt[0] != 0:
                 break
-            rho, factored = min(100.0 * rho, MOST), False
+            last = stiffer(last)
             for i in range(n):
                 v[i] = 0.0
             spread(sizes, centre, unknowns)
@@ -99,14 +133,10 @@ def solve_proximal(
         found = residual(problem, sizes, unknowns)
         rests = change_of_force(sizes, unknowns, centre) <= STILL
         rests &= exertion(problem, sizes, unknowns) <= WEDGED
-        if rests and is_final(found, before, lowered, enough):
+        if rests and is_final(found, last, enough):
             return found
         collect(sizes, unknowns, centre)
-        lowered = found > 0.1 * before
-        factored = not lowered
-        if lowered:
-            rho = max(0.01 * rho, LEAST)
-        before = found
+        last = next_round(last, found)
     return math.inf
 
 
@@ -114,22 +144,20 @@ def solve_proximal(
 def _settle(
     problem: ContactProblem,
     sizes: Sizes,
-    rho: float,
-    factored: bool,
+    now: Round,
     soft: Yielding,
     unknowns: Unknowns,
     halt: Ints,
 ) -> bool:
-    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
-    belong to `mode` and `rho`."""
-    contacts, limited = sizes.contacts, sizes.limited
+    """Newton's method on the modes about one centre; returns whether they settle."""
+    contacts, limited, factored = sizes.contacts, sizes.limited, now.factored
     for flips in range(2 * MAX_FLIPS):
         if halt[0] != 0:
             return False
         if not factored:
-            _impose(problem, sizes, unknowns)
-            _give(problem, sizes, rho, soft.give)
-            _push(problem, sizes, unknowns.mode, soft)
+            impose(problem.mu, problem.F, sizes, unknowns)
+            _give(problem, sizes, now.rho, soft.give)
+            fill_push(problem.mu, problem.R, problem.R_s, sizes, unknowns.mode, soft.give, soft.push)
             if not _factorise(problem, sizes, soft):
                 return False
         for _ in range(2):
@@ -140,12 +168,6 @@ def _settle(
             return True
         factored = False
     return False
-
-
-@inner_kernel
-def is_final(found: float, before: float, lowered: bool, enough: float) -> bool:
-    """Whether a residual ends the rounds: where a smaller rho does not help, the rest is rounding."""
-    return bool(found <= TARGET or (found <= enough and lowered and found > 0.5 * before))
 
 
 @kernel
@@ -250,47 +272,42 @@ def spread(sizes: Sizes, centre: Reals, unknowns: Unknowns) -> None:
     copy(centre[rows : rows + sizes.limited], unknowns.tau[: sizes.limited])
 
 
-@kernel
-def _impose(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
+@inner_kernel
+def impose(mu: Reals, limit: Reals, sizes: Sizes, unknowns: Unknowns) -> None:
     """Set the forces that follow from the modes."""
     contacts, limited = sizes.contacts, sizes.limited
     mode, force, tau = unknowns.mode, unknowns.force, unknowns.tau
     for k in range(contacts):
         if mode[k] == OPEN:
             force[2 * k] = force[2 * k + 1] = 0.0
-        elif mode[k] != STICK or p.mu[k] == 0.0:
-            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
+        elif mode[k] != STICK or mu[k] == 0.0:
+            force[2 * k + 1] = sign(mode[k]) * mu[k] * force[2 * k]
     for r in range(limited):
         if mode[contacts + r] != STICK:
-            tau[r] = sign(mode[contacts + r]) * p.F[r]
+            tau[r] = sign(mode[contacts + r]) * limit[r]
 
 
-@kernel
-def _push(p: ContactProblem, sizes: Sizes, mode: Ints, soft: Yielding) -> None:
+@inner_kernel
+def fill_push(mu: Reals, R: Reals, R_s: Reals, sizes: Sizes, mode: Ints, give: Reals, push: Reals) -> None:
     """Fill in the force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited
     row."""
     contacts, limited = sizes.contacts, sizes.limited
-    give, push = soft.give, soft.push
     for k in range(contacts):
         at = 4 * k
-        a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
+        a, d = R[k, 0, 0] + give[2 * k], R[k, 1, 1] + give[2 * k + 1]
         push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
-        if mode[k] == STICK and p.mu[k] > 0.0:
-            b, c = p.R[k, 0, 1], p.R[k, 1, 0]
+        if mode[k] == STICK and mu[k] > 0.0:
+            b, c = R[k, 0, 1], R[k, 1, 0]
             inverse = 1.0 / (a * d - b * c)
-            push[at], push[at + 1], push[at + 2], push[at + 3] = (
-                d * inverse,
-                -b * inverse,
-                -c * inverse,
-                a * inverse,
-            )
+            push[at], push[at + 1] = d * inverse, -b * inverse
+            push[at + 2], push[at + 3] = -c * inverse, a * inverse
         elif mode[k] != OPEN:
-            slope = sign(mode[k]) * p.mu[k]
-            push[at] = 1.0 / (a + slope * p.R[k, 0, 1])
+            slope = sign(mode[k]) * mu[k]
+            push[at] = 1.0 / (a + slope * R[k, 0, 1])
             push[at + 2] = slope * push[at]
     for r in range(limited):
         held = mode[contacts + r] == STICK
-        push[4 * contacts + r] = 1.0 / (p.R_s[r] + give[2 * contacts + r]) if held else 0.0
+        push[4 * contacts + r] = 1.0 / (R_s[r] + give[2 * contacts + r]) if held else 0.0
 
 
 @kernel

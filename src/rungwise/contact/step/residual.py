@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Reals, inner_kernel, kernel
 
 FLOOR = 1e-6
 """Least L, over the force that would change a contact's speed by U. Chosen by trial, to a decade."""
@@ -133,10 +133,23 @@ def _balance(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, largest: float
         for r in range(limited):
             lever = max(lever, abs(p.S[r, i]))
             total -= p.S[r, i] * tau[r]
-        scale = max(scale, lever * largest)
-        if not abs(total) <= worst * scale:
-            worst = worse(worst, abs(total) / scale)
+        worst = _unbalanced(worst, total, max(scale, lever * largest))
     return worst
+
+
+@inner_kernel
+def imbalance(n: int, total: Reals, scale: Reals, lever: Reals, largest: float) -> float:
+    """The worst violation of n rows of balance: their sums, greatest terms, and greatest entries of rows."""
+    worst = 0.0
+    for i in range(n):
+        worst = _unbalanced(worst, total[i], max(scale[i], lever[i] * largest))
+    return worst
+
+
+@inner_kernel
+def _unbalanced(worst: float, total: float, scale: float) -> float:
+    """The worst violation so far, or that of a row of balance, whose sum should be zero."""
+    return worst if abs(total) <= worst * scale else worse(worst, abs(total) / scale)
 
 
 @kernel

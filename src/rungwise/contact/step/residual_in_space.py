@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
+from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, imbalance, worse
 from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -143,12 +143,7 @@ def _balance(
             j = coordinate[e]
             lever[j] = max(lever[j], abs(p.S[r, j]))
             total[j] -= p.S[r, j] * tau[r]
-    worst = 0.0
-    for i in range(n):
-        most = max(scale[i], lever[i] * largest)
-        if not abs(total[i]) <= worst * most:
-            worst = worse(worst, abs(total[i]) / most)
-    return worst
+    return imbalance(n, total, scale, lever, largest)
 
 
 @kernel

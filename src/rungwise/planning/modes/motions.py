@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.linear import invert
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.planning.modes.cones import (
     AMID,
@@ -170,7 +171,7 @@ def turn(surface: Reals, memory: Memory) -> None:
             for i in range(surface.shape[0]):
                 total += dot(axes[a], surface[i], size) * dot(axes[b], surface[i], size)
             gram[a, b] = total
-    _invert(count, gram)
+    invert(gram, count)
     for c in range(size):
         for e in range(size):
             total = 0.0
@@ -178,22 +179,6 @@ def turn(surface: Reals, memory: Memory) -> None:
                 for b in range(count):
                     total += axes[a, c] * gram[a, b] * axes[b, e]
             turned[c, e] = total
-
-
-@kernel
-def _invert(size: int, matrix: Reals) -> None:
-    """The inverse of a positive definite matrix, in its place (Gauss and Jordan)."""
-    for p in range(size):
-        pivot = matrix[p, p]
-        matrix[p, p] = 1.0
-        for c in range(size):
-            matrix[p, c] /= pivot
-        for r in range(size):
-            if r != p:
-                factor = matrix[r, p]
-                matrix[r, p] = 0.0
-                for c in range(size):
-                    matrix[r, c] -= factor * matrix[p, c]
 
 
 @kernel

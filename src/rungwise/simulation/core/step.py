@@ -15,6 +15,7 @@ from rungwise.contact.step import (
 )
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
+from rungwise.models.entries import Velocities
 from rungwise.models.limit import (
     LIMIT,
     STIR,
@@ -167,8 +168,8 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
     status = NO_SOLUTION
     for _ in range(4):
         bounced = assemble(
-            rung, Step(h, clock.theta, clock.eps, ease), terms, contacts, limited, state.free, n, state.v,
-            state.speed, bounced, problem,
+            rung, Step(h, clock.theta, clock.eps, ease), terms, contacts, limited,
+            Velocities(state.free, n, state.v, state.speed), bounced, problem,
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rungwise.contact.analysis import DATA
 from rungwise.contact.step import ContactProblem, trim
 from rungwise.models.assemble import Step, assemble
+from rungwise.models.entries import Velocities
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.template.records import SPEED
@@ -212,10 +213,8 @@ class Assembly:
         state, work = self.state, self.workspace
         limited = int(state.clock[0]["limited"])
         step = Step(self.h, theta, eps, float(work.terms.pause[0]))
-        assemble(
-            self.rung, step, work.terms, count, limited, state.free, n, state.v, state.speed, bounce,
-            work.problem,
-        )  # fmt: skip
+        velocities = Velocities(state.free, n, state.v, state.speed)
+        assemble(self.rung, step, work.terms, count, limited, velocities, bounce, work.problem)
         return trim(work.problem, n, count, limited)
 
     def _keys(self, count: int) -> tuple[tuple[int, int], ...]:

@@ -25,7 +25,7 @@ from rungwise.system.planar.manifold import (
     next_vertex,
     vertex_before,
 )
-from rungwise.system.planar.near import forget_gaps, is_listed, list_near, near_pairs, pair_at
+from rungwise.system.planar.near import forget_gaps, forget_slot, is_listed, list_near, near_pairs, pair_at
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
 
@@ -63,15 +63,15 @@ def find_contacts(
         slot = 2 * p
         raised = records.contacts[contact].raised
         if raised > 0.0:
-            _forget(slot, manifolds)
-            _forget(slot + 1, manifolds)
+            forget_slot(slot, manifolds)
+            forget_slot(slot + 1, manifolds)
             beside = max(_distance(slot, a, b, outline, manifolds), 0.0)
             gaps[contact] = min(gaps[contact], math.hypot(beside, raised))
             continue
         gap = 0.0 if records.contacts[contact].watched else _distance_of_circles(a, b, placed)
         if gap > margin:
-            _forget(slot, manifolds)
-            _forget(slot + 1, manifolds)
+            forget_slot(slot, manifolds)
+            forget_slot(slot + 1, manifolds)
         else:
             points = manifolds.points[slot : slot + 2]
             found = Found(points, fresh)
@@ -125,14 +125,6 @@ def _height(plane: Record, shape: Record, placed: Placement) -> float:
 
 
 @kernel
-def _forget(slot: int, manifolds: Manifolds) -> None:
-    if manifolds.features[slot] != ABSENT:
-        manifolds.features[slot] = ABSENT
-        manifolds.deformation[slot, :] = 0.0
-        manifolds.modes[slot] = 0
-
-
-@kernel
 def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifolds) -> None:
     """Give slots `slot` and `slot + 1` the fresh features, keeping what belongs to those that stay."""
     fresh, features = manifolds.fresh, manifolds.features
@@ -150,7 +142,7 @@ def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifold
             deformation[slot + 1, d], force[slot + 1, d] = x, y
     for k in range(2):
         if not _stays(slot + k, fresh[k], a, b, outline, manifolds):
-            _forget(slot + k, manifolds)
+            forget_slot(slot + k, manifolds)
         features[slot + k] = fresh[k]
 
 

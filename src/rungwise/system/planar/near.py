@@ -62,8 +62,8 @@ def list_near(records: Records, placed: Placement, margin: float, manifolds: Man
         else:
             bound = manifolds.far[pair.contact]
             manifolds.far[pair.contact] = min(bound, apart - AHEAD * margin)
-            _leave(2 * p, manifolds)
-            _leave(2 * p + 1, manifolds)
+            forget_slot(2 * p, manifolds)
+            forget_slot(2 * p + 1, manifolds)
     manifolds.listed[0] = count
 
 
@@ -77,9 +77,9 @@ def _apart(a: Record, b: Record, placed: Placement) -> float:
     return math.sqrt(dx * dx + dy * dy) - a.reach - b.reach
 
 
-@rare_kernel
-def _leave(slot: int, manifolds: Manifolds) -> None:
-    """Forget what a pair that is left out had in a slot."""
+@inner_kernel
+def forget_slot(slot: int, manifolds: Manifolds) -> None:
+    """Forget the feature of a slot, and what belongs to it."""
     if manifolds.features[slot] != ABSENT:
         manifolds.features[slot] = ABSENT
         manifolds.deformation[slot, :] = 0.0

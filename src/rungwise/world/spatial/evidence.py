@@ -18,7 +18,17 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.world import ingredients
 from rungwise.world.contract import OBSTACLE
 from rungwise.world.find import world_of
-from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, overlap, speeds
+from rungwise.world.ingredients import (
+    TOUCHES,
+    Evidence,
+    Motion,
+    Parting,
+    acting,
+    evidence_of,
+    of_body,
+    overlap,
+    speeds,
+)
 from rungwise.world.spatial.variant import SLIP, SpatialVariant
 
 MODES = ("open", "stick", "slip")
@@ -186,12 +196,8 @@ def _bounce(parting: Parting) -> dict[str, Any]:
     return dict(max(known, key=lambda each: each[0])[1]) if known else {}
 
 
-evidence = partial(
-    evidence_of,
-    {
-        ingredients.BALANCE: _balance, ingredients.FRICTION: _contact,
-        ingredients.COMPLIANCE: partial(overlap, "pair"),
-        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
-    },
-)  # fmt: skip
-"""Numbers for each cause, plain values by name, of a parting and causes."""
+_OWN: dict[str, Evidence] = {
+    ingredients.BALANCE: _balance, ingredients.FRICTION: _contact, ingredients.INERTIA: _coasting,
+    ingredients.RESTITUTION: _bounce, ingredients.COMPLIANCE: partial(overlap, "pair"),
+}  # fmt: skip
+evidence = partial(evidence_of, _OWN)

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from rungwise.contact.solvers.plane.judge import rates
 from rungwise.contact.solvers.plane.part import Part
-from rungwise.contact.step.mode_newton import BY_SLIP, CONTRADICTED, asked_by_force, asked_by_limit, sign
+from rungwise.contact.step.mode_newton import (
+    BY_SLIP,
+    CONTRADICTED,
+    asked_by_force,
+    asked_by_limit,
+    sign,
+    turned_to,
+)
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import Unknowns
 from rungwise.kernel import Reals, kernel
@@ -28,9 +35,7 @@ def flip(part: Part, unknowns: Unknowns, give: Reals, centre: Reals, most: int) 
     slack, tiny = CONTRADICTED * velocity, CONTRADICTED * largest
     for k in range(contacts):
         wanted = _contact_mode(part, k, unknowns, slack, tiny, give, centre)
-        if wanted != mode[k] and changed < most:
-            changed += 1
-            mode[k] = wanted
+        changed += turned_to(wanted, mode, k, changed < most)
     for r in range(limited):
         at, own = contacts + r, 2 * contacts + r
         wanted = asked_by_limit(mode[at], tau[r], part.F[r])
@@ -38,9 +43,7 @@ def flip(part: Part, unknowns: Unknowns, give: Reals, centre: Reals, most: int) 
             moving, _ = rates(part, at, v)
             s = part.R_s[r] * tau[r] + part.w_s[r] + give[own] * (tau[r] - centre[own]) + moving
             wanted = STICK if s * tau[r] > 0.0 else mode[at]
-        if wanted != mode[at] and changed < most:
-            changed += 1
-            mode[at] = wanted
+        changed += turned_to(wanted, mode, at, changed < most)
     return changed > 0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.contact.solvers.plane.part import Part
 from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import WEDGED
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
+from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, imbalance, worse
 from rungwise.kernel import Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 
 
@@ -118,12 +118,7 @@ def _balance(
             i = part.column[e]
             lever[i] = max(lever[i], abs(part.normal[e]))
             total[i] -= part.normal[e] * tau[r]
-    worst = 0.0
-    for i in range(n):
-        size = max(scale[i], lever[i] * largest)
-        if not abs(total[i]) <= worst * size:
-            worst = worse(worst, abs(total[i]) / size)
-    return worst
+    return imbalance(n, total, scale, lever, largest)
 
 
 @inner_kernel

@@ -18,21 +18,23 @@ from rungwise.contact.least_degree import Pattern
 from rungwise.contact.solvers.plane.flips import flip
 from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
 from rungwise.contact.solvers.plane.part import Part
-from rungwise.contact.step.mode_newton import sign
-from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import Sizes, Unknowns
 from rungwise.contact.step.proximal import (
-    FIRST,
-    LEAST,
     MAX_FLIPS,
     MAX_ROUNDS,
     MOST,
     STILL,
     WEDGED,
+    Round,
     change_of_force,
     collect,
+    fill_push,
+    first_round,
+    impose,
     is_final,
+    next_round,
     spread,
+    stiffer,
 )
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -68,49 +70,44 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     matrix = block_factors.plan(Pattern(part.H_first, part.H_column, part.first, part.column))
     symmetric = _is_symmetric(part)
     collect(sizes, unknowns, soft.centre)
-    rho, before, factored, lowered = FIRST, math.inf, False, False
+    last = first_round()
     for _ in range(MAX_ROUNDS):
         if halt[0] != 0:
             break
-        if not _settle(part, rho, factored, symmetric, soft, matrix, unknowns):
-            if rho >= MOST:
+        if not _settle(part, sizes, last, symmetric, soft, matrix, unknowns):
+            if last.rho >= MOST:
                 break
-            rho, factored = min(100.0 * rho, MOST), False
+            last = stiffer(last)
             for i in range(n):
                 v[i] = 0.0
             spread(sizes, soft.centre, unknowns)
             continue
         found = residual_of(part, unknowns)
         rests = change_of_force(sizes, unknowns, soft.centre) <= STILL
-        if rests and exertion_of(part, unknowns) <= WEDGED and is_final(found, before, lowered, enough):
+        if rests and exertion_of(part, unknowns) <= WEDGED and is_final(found, last, enough):
             return found
         collect(sizes, unknowns, soft.centre)
-        lowered = found > 0.1 * before
-        factored = not lowered
-        if lowered:
-            rho = max(0.01 * rho, LEAST)
-        before = found
+        last = next_round(last, found)
     return math.inf
 
 
 @kernel
 def _settle(
     part: Part,
-    rho: float,
-    factored: bool,
+    sizes: Sizes,
+    now: Round,
     symmetric: bool,
     soft: Yielding,
     matrix: Factors,
     unknowns: Unknowns,
 ) -> bool:
-    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
-    belong to `mode` and `rho`; `symmetric`: H is."""
-    groups = len(part.first) - 1
+    """Newton's method on the modes about one centre; returns whether they settle. `symmetric`: H is."""
+    groups, factored = len(part.first) - 1, now.factored
     for flips in range(TURNS * MAX_FLIPS):
         if not factored:
-            _impose(part, unknowns)
-            _give(part, rho, soft.give)
-            _push(part, unknowns, soft)
+            impose(part.mu, part.F, sizes, unknowns)
+            _give(part, now.rho, soft.give)
+            fill_push(part.mu, part.R, part.R_s, sizes, unknowns.mode, soft.give, soft.push)
             if not _factorise(part, symmetric, soft, matrix):
                 return False
         for _ in range(2):
@@ -135,45 +132,6 @@ def _give(part: Part, rho: float, give: Reals) -> None:
         own = part.R[r // 2, r % 2, r % 2] if r < 2 * contacts else part.R_s[r - 2 * contacts]
         bodies = give[r] if give[r] > 0.0 else (most if most > 0.0 else 1.0)
         give[r] = max(rho * bodies - own, 0.0)
-
-
-@kernel
-def _impose(part: Part, unknowns: Unknowns) -> None:
-    """Set the forces that follow from the modes."""
-    contacts = len(part.mu)
-    mode, force, tau = unknowns.mode, unknowns.force, unknowns.tau
-    for k in range(contacts):
-        if mode[k] == OPEN:
-            force[2 * k] = force[2 * k + 1] = 0.0
-        elif mode[k] != STICK or part.mu[k] == 0.0:
-            force[2 * k + 1] = sign(mode[k]) * part.mu[k] * force[2 * k]
-    for r in range(len(part.F)):
-        if mode[contacts + r] != STICK:
-            tau[r] = sign(mode[contacts + r]) * part.F[r]
-
-
-@kernel
-def _push(part: Part, unknowns: Unknowns, soft: Yielding) -> None:
-    """Fill in the force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited
-    row."""
-    contacts, mode = len(part.mu), unknowns.mode
-    give, push = soft.give, soft.push
-    for k in range(contacts):
-        at = 4 * k
-        a, d = part.R[k, 0, 0] + give[2 * k], part.R[k, 1, 1] + give[2 * k + 1]
-        push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
-        if mode[k] == STICK and part.mu[k] > 0.0:
-            b, c = part.R[k, 0, 1], part.R[k, 1, 0]
-            inverse = 1.0 / (a * d - b * c)
-            push[at], push[at + 1] = d * inverse, -b * inverse
-            push[at + 2], push[at + 3] = -c * inverse, a * inverse
-        elif mode[k] != OPEN:
-            slope = sign(mode[k]) * part.mu[k]
-            push[at] = 1.0 / (a + slope * part.R[k, 0, 1])
-            push[at + 2] = slope * push[at]
-    for r in range(len(part.F)):
-        held = mode[contacts + r] == STICK
-        push[4 * contacts + r] = 1.0 / (part.R_s[r] + give[2 * contacts + r]) if held else 0.0
 
 
 @kernel
