@@ -25,19 +25,21 @@ from rungwise.planning.modes.cones import (
     presses,
     see,
 )  # fmt: skip
-from rungwise.planning.modes.fingers import Finger
+from rungwise.planning.modes.grips import Grip, grips, touching
 from rungwise.planning.modes.ground import Ground, Seen
-from rungwise.planning.modes.motions import GAIN, LONGEST, every_mode, leans, projected, pushed, turn
+from rungwise.planning.modes.motions import GAIN, KEPT, LONGEST, every_mode, leans, projected, pushed, turn
 
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
 
 
 class Motion(NamedTuple):
-    """A change (k,) of the object, and what fingers press with on their own coordinates (n,)."""
+    """A change (k,) of the object, what fingers press with on their own coordinates (n,), and the contacts by
+    which they are led (f,)."""
 
     change: Reals
     pushes: Reals
+    led: Ints
 
 
 def modes(ground: Ground, seen: Seen, want: Reals) -> list[tuple[tuple[int, ...], Reals]]:
@@ -53,7 +55,7 @@ def modes(ground: Ground, seen: Seen, want: Reals) -> list[tuple[tuple[int, ...]
 def is_led(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...]) -> bool:
     """Whether fingers (f,) and kept contacts leave the object no other motion."""
     kinds, touches = np.array(mode, int), seen.touches
-    held, kept = seen.held[used > 0], seen.closed[kinds != PART]
+    held, kept = grips(ground, seen, used)[0].contacts, seen.closed[kinds != PART]
     normals, tangents = (
         touches.rows[[*kept, *held], 0],
         touches.rows[[*seen.closed[kinds == STICK], *held], 1],
@@ -77,14 +79,39 @@ def motion(
 ) -> Motion | None:
     """How the object moves in a mode where it wants to go by `want` (k,), over units, and how fingers push,
     at least with this part of the load; None where it does not, or nothing balances."""
-    support, memory, kinds = carried(ground, seen), _seen(ground, seen), np.array(mode, np.int64)
+    for held in grips(ground, seen, used):
+        found = _held_motion(ground, seen, held, np.array(mode, np.int64), want, press)
+        if found is not None and _opens(ground, seen, used, found):
+            return found
+    return None
+
+
+def _held_motion(
+    ground: Ground, seen: Seen, held: Grip, mode: Ints, want: Reals, press: float
+) -> Motion | None:
+    """See `motion`, of an object that is held so."""
+    support, memory = carried(ground, seen), _seen(ground, seen)
+    memory.flat[0] = ground.turning + 1 if held.flat else 0
     if support is not None:
-        return _on_support(ground, seen, used, kinds, want, support, memory)
+        return _on_support(ground, seen, held, mode, want, support, memory)
     change = np.empty(len(want))
-    if not projected(kinds, want, change, memory) or change @ want < GAIN * float(want @ want):
+    if not projected(mode, want, change, memory) or change @ want < GAIN * float(want @ want):
         return None
-    pushes = _balanced(ground, seen, used, kinds, change, press, memory)
-    return None if pushes is None else Motion(change / ground.units, pushes)
+    pushes = _balanced(ground, seen, held, mode, change, press, memory)
+    return None if pushes is None else Motion(change / ground.units, pushes, held.led)
+
+
+def _opens(ground: Ground, seen: Seen, used: Ints, found: Motion) -> bool:
+    """Whether contacts of fingers that touch at several places, and do not press at all of them, open, or are
+    kept."""
+    if not ground.is_wide:
+        return True
+    every = [k for f in np.flatnonzero(used) for k in touching(ground, seen, int(f))]
+    if len(every) == int((found.led >= 0).sum()):
+        return True
+    change = ground.moved(seen, found.change, used, found.led) - seen.q
+    rates = seen.touches.rows[every, 0] @ change
+    return bool(rates.min() >= -KEPT * float(np.linalg.norm(found.change * ground.units)))
 
 
 def could(
@@ -117,7 +144,7 @@ def could(
 def held_edges(ground: Ground, seen: Seen, used: Ints) -> Reals:
     """Edges (2 f, k), over units, of the forces of fingers that hold the object (f,)."""
     memory = _seen(ground, seen)
-    count = _gripped(ground, seen, used, memory)
+    count = _gripped(ground, seen, grips(ground, seen, used)[0], memory)
     return memory.edges[: 2 * count].copy()
 
 
@@ -127,38 +154,48 @@ def rests(ground: Ground, seen: Seen, used: Ints, press: float = 0.0) -> Reals |
     if carried(ground, seen) is not None:
         return np.zeros(len(seen.q))
     still, sticks = np.zeros(len(ground.columns)), np.full(len(seen.closed), STICK)
-    return _balanced(ground, seen, used, sticks, still, press, _seen(ground, seen))
+    return _balanced(ground, seen, grips(ground, seen, used)[0], sticks, still, press, _seen(ground, seen))
 
 
 def _seen(ground: Ground, seen: Seen, edges: int = 0) -> Memory:
     """Memory in which the contacts of the object with its surroundings are written."""
     memory, touches = ground.memory(len(seen.closed), edges), seen.touches
     see(touches.rows, touches.friction, seen.closed, ground.columns, ground.units, memory)
+    memory.flat[0] = 0
     return memory
 
 
-def _gripped(ground: Ground, seen: Seen, used: Ints, memory: Memory) -> int:
-    """Write the edges of fingers that are used (f,); how many these are."""
-    held, touches = np.where(used > 0, seen.held, -1), seen.touches
-    return grip(touches.rows, touches.friction, held, ground.kept, ground.columns, ground.units, memory)
+def _gripped(ground: Ground, seen: Seen, held: Grip, memory: Memory) -> int:
+    """Write the edges of fingers that hold the object; at how many contacts they do."""
+    touches, kept = seen.touches, ground.kept[held.of]
+    return grip(touches.rows, touches.friction, held.contacts, kept, ground.columns, ground.units, memory)
+
+
+def _strongest(ground: Ground, held: Grip) -> Reals:
+    """The greatest force (g,) at each contact: those of a finger share what it presses with."""
+    if not held.flat:
+        return ground.strongest[held.of]
+    return np.asarray(
+        (ground.strongest / np.maximum(np.bincount(held.of, minlength=len(held.led)), 1))[held.of]
+    )
 
 
 def _balanced(
-    ground: Ground, seen: Seen, used: Ints, mode: Ints, change: Reals, least: float, memory: Memory
+    ground: Ground, seen: Seen, held: Grip, mode: Ints, change: Reals, least: float, memory: Memory
 ) -> Reals | None:  # fmt: skip
-    """What fingers (f,) press with, on their own coordinates (n,), at least with this part of the load, where
-    they and forces at the contacts that a mode keeps balance what acts on the object; None where nothing
-    does."""
+    """What fingers press with, on their own coordinates (n,), at least with this part of the load, where they
+    hold the object so, and they and forces at the contacts that a mode keeps balance what acts on it; None
+    where nothing does."""
     weight = seen.touches.loads[ground.columns] / ground.units
-    scale, count = _scale(ground, weight), _gripped(ground, seen, used, memory)
-    own = 0.5 * np.repeat([max(least * scale, finger.press[0]) for finger in _of(ground, used)], 2)
+    scale, count = _scale(ground, weight), _gripped(ground, seen, held, memory)
+    own = 0.5 * np.repeat([max(least * scale, ground.fingers[f].press[0]) for f in held.of], 2)
     end = contact_edges(mode, change, ground.fingers[0].reserve, memory, 2 * count)
     if not balances(end, count, weight, scale, own, memory):
         return None
     center(end, count, scale, own, memory)
-    held, touches = np.where(used > 0, seen.held, -1), seen.touches
+    touches, kept, most = seen.touches, ground.kept[held.of], _strongest(ground, held)
     holds = presses(
-        touches.rows, touches.friction, held, ground.kept, ground.strongest, LONGEST * scale, memory
+        touches.rows, touches.friction, held.contacts, kept, most, LONGEST * scale, memory
     )  # fmt: skip
     return memory.pushes.copy() if holds else None
 
@@ -169,20 +206,16 @@ def _scale(ground: Ground, weight: Reals) -> float:
     return float(np.linalg.norm(weight)) or pressing or 1.0
 
 
-def _of(ground: Ground, used: Ints) -> list[Finger]:
-    return [ground.fingers[f] for f in np.flatnonzero(used)]
-
-
 def _on_support(
-    ground: Ground, seen: Seen, used: Ints, mode: Ints, want: Reals, support: tuple[Reals, float],
+    ground: Ground, seen: Seen, held: Grip, mode: Ints, want: Reals, support: tuple[Reals, float],
     memory: Memory,
 ) -> Motion | None:  # fmt: skip
     """The motion of an object on a support: along A G x for forces x of at least 0 along edges G, where
     A = (S^T S)^-1 turns forces into motions by the limit surface with rows S."""
     rows, limit = support
-    held, touches = np.where(used > 0, seen.held, -1), seen.touches
+    touches, kept, most = seen.touches, ground.kept[held.of], _strongest(ground, held)
     moves = pushed(
-        touches.rows, touches.friction, held, ground.kept, ground.columns, ground.units, mode, want, rows,
-        limit, ground.fingers[0].reserve, ground.strongest, memory,
+        touches.rows, touches.friction, held.contacts, kept, ground.columns, ground.units, mode, want, rows,
+        limit, ground.fingers[0].reserve, most, memory,
     )  # fmt: skip
-    return Motion(memory.change / ground.units, memory.pushes.copy()) if moves else None
+    return Motion(memory.change / ground.units, memory.pushes.copy(), held.led) if moves else None

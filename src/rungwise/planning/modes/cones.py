@@ -30,7 +30,8 @@ _ROUNDING, _ROUNDS = 1e-11, 3
 
 class Memory(Block):
     """Memory of these kernels, and what they answer. normals, tangents (e, k), friction (e,): of the object's
-    contacts, over its units; edges (m, k): of forces on it, those of fingers first; share (m,): of each in
+    contacts, over its units; flat (1,): the number of the coordinate that may not change, and one, else 0;
+    edges (m, k): of forces on it, those of fingers first; share (m,): of each in
     the force; change (k,): of the object; pushes (n,): of fingers on their own coordinates."""
 
     normals: Reals
@@ -50,6 +51,7 @@ class Memory(Block):
     held: Reals
     axes: Reals
     turned: Reals
+    flat: Ints
     edges: Reals
     change: Reals
     hoped: Reals
@@ -62,18 +64,20 @@ def memory_for(contacts: int, fingers: int, edges: int, size: int, coordinates: 
     """Memory for so many contacts, fingers and edges, of an object of `size` coordinates, of all
     `coordinates`."""
     own = 2 * (contacts + fingers)
-    rows, edges = size + 2 * own, max(own, edges) + 1
+    rows, edges = size + 2 * own + 1, max(own, edges) + 1
     told = min(contacts, MOST)
     most = 2**told * (told + 2)
     shapes: dict[str, tuple[int, ...]] = {
         "normals": (contacts, size), "tangents": (contacts, size), "friction": (contacts,),
         "columns": (edges, rows), "wanted": (rows,), "left": (rows,), "sizes": (edges,), "share": (edges,),
         "trial": (edges,), "lengths": (edges,), "basis": (edges, rows), "factor": (edges, edges),
-        "passive": (edges,), "inside": (edges,), "held": (2 * contacts + 1, size), "axes": (size, size),
-        "turned": (size, size), "edges": (edges, size), "change": (size,), "hoped": (size,),
+        "passive": (edges,), "inside": (edges,), "held": (2 * contacts + 2, size), "axes": (size, size),
+        "turned": (size, size), "flat": (1,), "edges": (edges, size), "change": (size,), "hoped": (size,),
         "pushes": (coordinates,), "modes": (most, contacts), "motions": (most, size),
     }  # fmt: skip
-    kinds = {name: np.int64 if name in ("passive", "inside", "modes") else np.float64 for name in shapes}
+    kinds = {
+        name: np.int64 if name in ("passive", "inside", "flat", "modes") else np.float64 for name in shapes
+    }
     return Memory(**{name: np.zeros(shape, kinds[name]) for name, shape in shapes.items()})
 
 

@@ -21,15 +21,17 @@ STRONGEST = 0.9
 @dataclass(frozen=True)
 class Finger:
     """A robot that touches objects: its carrier; its body's number; the columns (k,) of its coordinates;
-    numbers of the objects that it may touch; forces with which it presses, at least and at most, of which the
-    least is 0 where it is chosen for the object; the part of its friction that it keeps; and the least and
-    the greatest places (2, k) to which its inputs lead it; its arm, if joints lead it; the column of the
-    input that raises it off the plane, and how high, if it may pass over objects."""
+    numbers of the objects that it may touch, and at how many places at most; forces with which it presses at
+    each, at least and at most, of which the least is 0 where it is chosen for the object; the part of its
+    friction that it keeps; the least and the greatest places (2, k) to which its inputs lead it; its arm, if
+    joints lead it; the column of the input that raises it off the plane, and how high, if it may pass over
+    objects."""
 
     carrier: Carrier
     body: int
     columns: Ints
     objects: frozenset[int]
+    contacts: int
     press: tuple[float, float]
     reserve: float
     bounds: Reals
@@ -82,7 +84,8 @@ def fingers_of(task: Task) -> tuple[Finger, ...]:
                 carrier=carrier, body=names.index(carrier.body),
                 columns=np.array(carrier.places, np.int64),
                 objects=frozenset(names.index(name) for name in own.objects),
-                press=press, reserve=own.reserve, bounds=own.within, arm=arms.get(own.name),
+                contacts=own.contacts, press=press, reserve=own.reserve, bounds=own.within,
+                arm=arms.get(own.name),
                 lift=own.lift,
             )
         )  # fmt: skip

@@ -85,7 +85,7 @@ def follow(
         if length < 0.02 * float(np.linalg.norm(want)) or length < 0.1 * ARRIVED * size:
             why = STALLED
             break
-        moved = ground.moved(seen, found.change * min(1.0, STEP * size / length), used)
+        moved = ground.moved(seen, found.change * min(1.0, STEP * size / length), used, found.led)
         kept = {f for f, kind in zip(roles.features, roles.kinds, strict=True) if kind != PART}
         after = ground.corrected(moved, kept, used)
         own = roles.of(after, NEIGHBOUR * size)

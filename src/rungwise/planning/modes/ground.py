@@ -129,16 +129,22 @@ class Ground:
         return bool(free) and all(finger.reaches(seen.q) for finger in self.fingers if finger.arm is not None)
 
     def is_held(self, seen: Seen, used: Ints) -> bool:
-        """Whether the fingers that are used (f,) touch the object, away from its corners."""
-        held = seen.held.tolist()
+        """Whether the fingers that are used (f,) touch the object, those that do so at one place away from
+        its corners."""
+        held, wide = seen.held.tolist(), [finger.contacts > 1 for finger in self.fingers]
         return all(
-            held[f] >= 0 and self.part(seen, f)[1] >= EDGE for f, own in enumerate(used.tolist()) if own
-        )
+            held[f] >= 0 and (wide[f] or self.part(seen, f)[1] >= EDGE)
+            for f, own in enumerate(used.tolist()) if own
+        )  # fmt: skip
 
     def part(self, seen: Seen, f: int) -> tuple[float, float]:
-        """Where on the outline a finger touches, 0..1, and how far from corners, 0..1."""
+        """Where on the outline a finger touches, or is, if it may do so at several places, 0..1; and how far
+        from corners, 0..1."""
         x, y, angle = seen.touches.poses[self.body].tolist()
         across, up = seen.touches.points[seen.held[f], :2].tolist()
+        if self.fingers[f].contacts > 1:
+            normal, centre = seen.touches.normals[seen.held[f]], seen.touches.poses[self.fingers[f].body, :2]
+            across, up = (centre + normal * ((across, up) - centre) @ normal).tolist()
         c, s = math.cos(angle), math.sin(angle)
         across, up = across - x, up - y
         return self.around.outline(self.body).part_of(np.array([c * across + s * up, c * up - s * across]))
@@ -187,7 +193,8 @@ class Ground:
             if len(memory.friction) >= contacts and len(memory.edges) > edges:
                 return memory
         size = (len(self.columns), len(self.around.stiffness))
-        self._memories[:] = [memory_for(contacts + MORE, len(self.fingers), edges + MORE, *size)]
+        held = sum(finger.contacts for finger in self.fingers)
+        self._memories[:] = [memory_for(contacts + MORE, held, edges + MORE, *size)]
         return self._memories[0]
 
     @cached_property
@@ -199,6 +206,18 @@ class Ground:
     def strongest(self) -> Reals:
         """The force with which each finger presses at most (f,)."""
         return np.array([finger.press[1] for finger in self.fingers])
+
+    @cached_property
+    def is_wide(self) -> bool:
+        """Whether some finger may touch it at several places."""
+        return any(finger.contacts > 1 for finger in self.fingers)
+
+    @cached_property
+    def turning(self) -> int:
+        """The number of the object's coordinate that turns it, -1 where none does."""
+        names = self.task.scene.template.coordinates
+        turns = [k for k, column in enumerate(self.columns) if names[column].endswith(".angle")]
+        return turns[0] if turns else -1
 
     @cached_property
     def supporting(self) -> Ints:
@@ -235,7 +254,7 @@ class Ground:
         if finger.arm is not None:
             return self._reached(q, f, finger.arm, np.array([x, y]) + turn @ point)
         found[finger.columns] = [x, y] + turn @ point + 2.0 * self.task.size * normal
-        for _ in range(CORRECTIONS):
+        for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
             gap = self.around.touches(found, 0.0).least[self.own[f]]
             found[finger.columns] -= gap * normal
         return found if self.look(found).held[f] >= 0 else None
@@ -268,11 +287,13 @@ class Ground:
                 return found
         return None
 
-    def moved(self, seen: Seen, change: Reals, used: Ints) -> Reals:
-        """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
+    def moved(self, seen: Seen, change: Reals, used: Ints, led: Ints | None = None) -> Reals:
+        """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go,
+        each led by its nearest contact, or by another (f,)."""
         q = seen.q.copy()
         q[self.columns] += change
-        carry(seen.touches.rows, seen.held, used, self.placing, self.columns, change, q)
+        led = seen.held if led is None else led
+        carry(seen.touches.rows, led, used, self.placing, self.columns, change, q)
         for f in self.arms:
             if not used[f]:
                 continue

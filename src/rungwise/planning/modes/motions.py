@@ -67,7 +67,8 @@ def project(count: int, memory: Memory, motion: Reals) -> int:
 
 @kernel
 def hold(mode: Ints, memory: Memory) -> int:
-    """Write the rows that a mode keeps into `held`; returns how many there are."""
+    """Write the rows that a mode keeps into `held`, and that of what may not change; returns how many there
+    are."""
     normals, tangents, count = memory.normals, memory.tangents, 0
     for i in range(mode.shape[0]):
         if mode[i] != PART:
@@ -78,6 +79,10 @@ def hold(mode: Ints, memory: Memory) -> int:
             for c in range(normals.shape[1]):
                 memory.held[count, c] = tangents[i, c]
             count += 1
+    if memory.flat[0] > 0:
+        for c in range(normals.shape[1]):
+            memory.held[count, c] = 1.0 if c == memory.flat[0] - 1 else 0.0
+        count += 1
     return count
 
 

@@ -217,7 +217,7 @@ def _grasps(
         return
     may = could(ground, seen, mode, want, press)
     parts = _pool(ground, seen, used, rng)
-    edges = ground.edges(seen, parts) if len(ground.columns) == 3 else None
+    edges = ground.edges(seen, parts) if len(ground.columns) == 3 and not ground.is_wide else None
     if may is None or (edges is not None and not may(edges.reshape(-1, 3), False)):
         failed[NO_BALANCE] += not kept
         return

@@ -139,10 +139,10 @@ def _not_known(finger: Finger) -> Iterator[str]:
             f"{finger.name} may pass over objects, off the plane; in space its joints lead it there; leave"
             " over out"
         )
-    if finger.contacts > 1:
+    if finger.contacts > 1 and finger.is_arm:
         yield (
-            f"{finger.name} may touch objects at {finger.contacts} places, and plans place it at one; leave"
-            " contacts out"
+            f"{finger.name} may touch objects at {finger.contacts} places, and joints that turn it lead it:"
+            " plans place such a finger at one; leave contacts out"
         )
 
 
