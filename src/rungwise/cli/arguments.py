@@ -34,6 +34,12 @@ SceneArgument = Annotated[
 SetOption = Annotated[
     list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
 ]
+SettleOption = Annotated[
+    bool,
+    typer.Option(
+        "--settle", help="In space: begin at the nearest start without overlap, with joints in range."
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 ThreadsOption = Annotated[
@@ -50,11 +56,11 @@ LimitOption = Annotated[
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")]
 
 
-def load_scene(source: str) -> AnyScene:
+def load_scene(source: str, settle: bool = False) -> AnyScene:
     """A scene of either kind."""
     from rungwise.scene.read import load
 
-    return load(source)
+    return load(source, settle=settle)
 
 
 def parameters_of(scene: AnyScene, values: list[str] | None) -> dict[str, float]:
@@ -62,9 +68,11 @@ def parameters_of(scene: AnyScene, values: list[str] | None) -> dict[str, float]
     return scene.parameters(given_values(scene, values))
 
 
-def load_with(source: str, values: list[str] | None) -> tuple[AnyScene, dict[str, float]]:
+def load_with(
+    source: str, values: list[str] | None, settle: bool = False
+) -> tuple[AnyScene, dict[str, float]]:
     """A scene, and all its parameters with the values given by --set."""
-    scene = load_scene(source)
+    scene = load_scene(source, settle)
     return scene, parameters_of(scene, values)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, overload
 
@@ -18,20 +19,32 @@ from rungwise.scene.worlds import is_of_world, load_of_world
 
 
 @overload
-def load(source: Scene) -> Scene: ...
+def load(source: Scene, *, settle: bool = False) -> Scene: ...
 @overload
-def load(source: SpaceScene) -> SpaceScene: ...
+def load(source: SpaceScene, *, settle: bool = False) -> SpaceScene: ...
 @overload
-def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene: ...
+def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = False) -> AnyScene: ...
 @keywords
-def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
+def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = False) -> AnyScene:
     """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping;
     or, in space, from a model file (MJCF or URDF). A scene that has been read is returned as it is. Drawings
     and model files are looked for beside the YAML file, for a mapping in the working folder. Content with a
-    field `world` is read by the world of that name (see `add_world`).
+    field `world` is read by the world of that name (see `add_world`). `settle`: a scene in space begins at
+    the nearest places without overlap, with equalities closed and joints within their ranges, as where it
+    states ``start: {settle: true}``.
 
     Raises SceneError: one line that names the field and its valid values.
     """
+    scene = _read(source)
+    if not settle:
+        return scene
+    if not isinstance(scene, SpaceScene):
+        raise SceneError(f"settle: is known of scenes in space only, and {scene.name} is not in space")
+    start = scene.file.start.model_copy(update={"settle": True})
+    return replace(scene, file=scene.file.model_copy(update={"start": start}))
+
+
+def _read(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
     if not isinstance(source, str | Path | Mapping):
         if not hasattr(source, "world"):
             raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_scene, parameters_of
+from rungwise.cli.arguments import (
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    SettleOption,
+    load_scene,
+    parameters_of,
+)
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 
-def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
+def check(
+    scene: SceneArgument,
+    values: SetOption = None,
+    settle: SettleOption = False,
+    as_json: JsonOption = False,
+) -> int:
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
     from rungwise.models.ladder import KINEMATIC
     from rungwise.planning.task.described import described, summary
@@ -16,7 +28,7 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
     from rungwise.world.run import simulation_of
 
     with plain_errors():
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, settle)
         parameters = parameters_of(loaded, values)
         world = world_of(loaded)
         report = world.describe(parameters)

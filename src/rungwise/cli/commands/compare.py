@@ -20,6 +20,7 @@ def compare(
     scene: arg.SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Only pairs with this rung, or all.")] = "all",
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn besides the scene's.")] = 8,
     seed: arg.SeedOption = 0,
     accuracy: Annotated[
@@ -47,7 +48,7 @@ def compare(
     with stoppable("nothing is kept"), plain_errors():
         if out is not None:
             arg.writable(out)
-        loaded = arg.load_scene(scene)
+        loaded = arg.load_scene(scene, settle)
         given = arg.given_values(loaded, values)
         with progress.counting("compare", as_json) as on_progress:
             found = measure(

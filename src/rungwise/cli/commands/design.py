@@ -31,6 +31,7 @@ def design(
     limit: arg.LimitOption = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the search and of the draws.")] = 0,
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Scene file with the best values as defaults.")
     ] = None,
@@ -45,7 +46,7 @@ def design(
 
     names, box = arg.intervals("over", over)
     with stoppable("nothing is kept"), plain_errors():
-        loaded, parameters = arg.load_with(scene, values)
+        loaded, parameters = arg.load_with(scene, values, settle)
         if png is not None:
             needs_matplotlib("png")
         for file in (out, png):

@@ -22,6 +22,7 @@ def doomed(
         str, typer.Option("--inputs", help="Parameters that may change: NAME=LOW:HIGH, separated by commas.")
     ],
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     cells: Annotated[int | None, typer.Option("--cells", help="Cells along each axis.")] = None,
     stride: Annotated[
         list[float] | None,
@@ -51,7 +52,7 @@ def doomed(
             refuse(f"inputs: {name[:60]} needs an interval, {name[:60]}=LOW:HIGH")
     with stoppable("nothing is kept"), writable_to(out), plain_errors():
         deadline = Deadline(seconds(limit))
-        loaded, parameters = arg.load_with(scene, values)
+        loaded, parameters = arg.load_with(scene, values, settle)
         if out is not None:
             arg.writable(out)
         with progress.counting(model, as_json) as on_progress:

@@ -50,6 +50,7 @@ def plan(
         int | None, typer.Option("--task-seed", min=0, help="Draw the instance by the task's rules.")
     ] = None,
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     initial: Annotated[Path | None, typer.Option("--initial", help="A saved plan to begin with.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="File for the plan (JSON).")] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="File for the time table of inputs.")] = None,
@@ -66,7 +67,7 @@ def plan(
         if file is not None:
             arg.writable_file(file)
     with plain_errors(), progress.line(as_json) as told:
-        loaded = arg.load_scene(scene)
+        loaded = arg.load_scene(scene, settle)
         found = search(
             loaded, from_=from_, to=to, schedule=_stages(schedule), budget=budget, limit=limit,
             improve=improve, robust=robust, samples=samples, seed=seed, task_seed=task_seed,

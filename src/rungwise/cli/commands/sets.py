@@ -20,6 +20,7 @@ def sets(
         str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
     ],
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     solutions: Annotated[
         str,
         typer.Option(
@@ -85,7 +86,7 @@ def sets(
     with stoppable(kept), writable_to(out, finished), plain_errors():
         deadline = Deadline(seconds(limit))
         files.check(exports, len(names))
-        loaded, parameters = arg.load_with(scene, values)
+        loaded, parameters = arg.load_with(scene, values, settle)
         if out is not None:
             arg.writable(out)
         for number, (name, each) in enumerate(wanted):

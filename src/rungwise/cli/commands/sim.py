@@ -17,6 +17,7 @@ def sim(
     scene: arg.SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
     values: arg.SetOption = None,
+    settle: arg.SettleOption = False,
     step: Annotated[
         float | None, arg.numeric("--step", "Length of a step; the scene's own if not given.")
     ] = None,
@@ -54,7 +55,7 @@ def sim(
         refuse("step and tol: give one of the two")
     with plain_errors():
         deadline = Deadline(seconds(limit))
-        loaded = arg.load_scene(scene)
+        loaded = arg.load_scene(scene, settle)
         try:
             chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
         except ValueError as error:

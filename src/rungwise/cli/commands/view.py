@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, LimitOption, SetOption, load_plan_file, load_with, numeric
+from rungwise.cli.arguments import (
+    JsonOption,
+    LimitOption,
+    SetOption,
+    SettleOption,
+    load_plan_file,
+    load_with,
+    numeric,
+)
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 from rungwise.simulation.any_run import AnyRun
 
@@ -32,6 +40,7 @@ def view(
         ),
     ] = None,
     values: SetOption = None,
+    settle: SettleOption = False,
     html: Annotated[Path | None, typer.Option("--html", help="Page in one file, for a browser.")] = None,
     png: Annotated[Path | None, typer.Option("--png", help="Strip of frames; slices of sets.")] = None,
     gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
@@ -72,8 +81,10 @@ def view(
         if len(sources) > 1:
             refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
         is_plan = Path(sources[0]).suffix == ".json"
-        made = _replays if is_plan else _runs
-        runs = made(sources[0], model, values, deadline)
+        if is_plan:
+            runs = _replays(sources[0], model, values, deadline)
+        else:
+            runs = _runs(sources[0], model, values, settle, deadline)
     if live:
         return _live(runs)
     try:
@@ -167,14 +178,14 @@ def _replays(
 
 
 def _runs(
-    source: str, models: list[str] | None, values: list[str] | None, deadline: Deadline
+    source: str, models: list[str] | None, values: list[str] | None, settle: bool, deadline: Deadline
 ) -> list[AnyRun]:
     """The scene's run on each of the rungs, for pictures; each may take its share of the time."""
     from rungwise.models.ladder import LADDER
     from rungwise.world.run import simulate
 
     with plain_errors():
-        scene, parameters = load_with(source, values)
+        scene, parameters = load_with(source, values, settle)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [
             simulate(scene, name, parameters=parameters, limit=deadline.share(len(chosen) - k))

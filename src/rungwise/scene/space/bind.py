@@ -21,6 +21,7 @@ from rungwise.scene.space.laws import contact_laws, sides_of
 from rungwise.scene.space.model import change, compiled, model_path, read_spec, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
+from rungwise.scene.space.settled import settled
 from rungwise.scene.stated import Numbers
 from rungwise.wording import choices
 
@@ -122,13 +123,17 @@ def bind(scene: Source, values: Reals) -> SpaceBound:
     except SceneError as error:
         raise InvalidScene(str(error)) from None
     place, motion, control = _start(scene, model, number)
+    notes: tuple[str, ...] = ()
+    if file.start.settle:
+        fused = path.suffix.lower() == ".urdf"
+        model, place, notes = settled(spec, model, scene.labels, place, fused)
     bound = SpaceBound(
         model=model, law=law, laws=laws, place=place, motion=motion, control=control,
         pace=np.full(model.nv, np.nan), told=scene.told, values=values,
         tolerance=number.positive(file.tolerance, "tolerance"),
         duration=number.positive(file.duration, "duration"),
         step=number.positive(model.opt.timestep if file.step is None else file.step, "step"),
-        notes=left_out(model),
+        notes=left_out(model) + notes,
     )  # fmt: skip
     bound.tell(values)
     return bound

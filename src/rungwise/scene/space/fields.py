@@ -64,9 +64,12 @@ class Contact(Strict):
 
 
 class Start(Strict):
-    """Where the run begins: a keyframe of the model or its own pose, and places and velocities by label."""
+    """Where the run begins: a keyframe of the model or its own pose, and places and velocities by label;
+    `settle`: at the nearest places that are allowed, where bodies overlap there, equalities are open or
+    joints beyond their ranges."""
 
     keyframe: Text | None = None
+    settle: bool = False
     places: dict[Text, Number] = {}
     velocities: dict[Text, Number] = {}
 

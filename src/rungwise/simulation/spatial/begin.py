@@ -37,7 +37,11 @@ def misplaced(scene: SpaceScene, space: Space, q: Reals, before: list[Fault], fi
     speed. The line begins with `field`, the start or the state."""
     least = {"overlap": OVERLAP * space.size.length, "joint": OPEN * space.size.length}
     found = worst(faults(space, q), before, least)
-    return "" if found is None else f"{field}: {_told(scene, space, found)}"
+    if found is None:
+        return ""
+    hint = "; start.settle: true, or --settle, begins at the nearest start that is allowed"
+    settles = field == "start" and not scene.file.start.settle
+    return f"{field}: {_told(scene, space, found)}{hint if settles else ''}"
 
 
 def _told(scene: SpaceScene, space: Space, fault: Fault) -> str:

@@ -1,0 +1,239 @@
+"""The nearest start that is allowed, where a model's own start is not.
+
+    min |x - x0| over places x with gaps >= 0, equalities closed, and joints within their ranges
+
+The distance is the kinematic rung's: of all bodies' points, where each body has mass 1 and its own radii of
+gyration. Algorithm: sequential quadratic programming from x0; each program is a least distance problem
+(Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23), whose rows yield a little, so that
+demands that contradict each other are met as far as they can be.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
+
+from rungwise.kernel import Reals
+
+if TYPE_CHECKING:
+    import mujoco
+
+ROUNDS = 80
+"""Quadratic programs, at most. Chosen by trial."""
+CLOSED, CLEAR = 1e-9, 5e-6
+"""Overlap, opening, or passing of a range over the model's size that is rounding, and the gap that is left
+where bodies overlapped by more. Chosen by trial, to a decade, below what a run allows at its start."""
+ROUNDED = 1e-6
+"""Overlap over the model's size from which on bodies count as built into each other. Chosen by trial."""
+FAR = 0.1
+"""Motion of one round over the model's size, at most: rows are linear there. Chosen by trial."""
+NEAR = 0.02
+"""Gaps over the model's size within which contacts are looked for. Chosen by trial."""
+YIELD = 1e-3
+"""Root of what a demand yields by under its multiplier, where bodies yield by about 1. Chosen by trial."""
+HALVINGS = 12
+"""Shorter steps that are tried where a step leads to more that is amiss."""
+MOST = 0.5
+"""Motion over the model's size beyond which the start is another one, not the one that was meant."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Places (n_q,), what is still amiss there, and how far a geom moved, as lengths; `size` is the length of
+    what moves, `geom` the one that moved farthest, or -1; `pairs`: bodies that still overlap, the deepest
+    first."""
+
+    q: Reals
+    amiss: float
+    pairs: tuple[tuple[int, int], ...]
+    moved: float
+    size: float
+    geom: int
+
+
+def settle(model: mujoco.MjModel, start: Reals) -> Settled:
+    """The allowed places nearest to `start` (n_q,), or those where least is amiss."""
+    found = _Search(model, start)
+    found.run()
+    return found.result()
+
+
+class _Search:
+    def __init__(self, model: mujoco.MjModel, start: Reals) -> None:
+        import mujoco
+
+        self.mujoco, self.start = mujoco, start.copy()
+        m = self.model = copy.copy(model)
+        self.moving = np.flatnonzero((m.body_weldid[m.geom_bodyid] != 0) & (m.geom_rbound > 0.0))
+        m.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self.data = mujoco.MjData(m)
+        self.first = self._geoms(start)
+        self.size = self._size()
+        near = NEAR * self.size
+        for margin in (m.geom_margin, m.pair_margin, m.jnt_margin, m.tendon_margin):
+            np.maximum(margin, near, out=margin)
+        m.geom_gap[:], m.pair_gap[:] = 0.0, 0.0
+        self.unit = _of_unit_mass(m)
+        self.unit_data = mujoco.MjData(self.unit)
+        mujoco.mj_setConst(self.unit, self.unit_data)
+        self.lever = self._levers()
+        self.captured = self._captured()
+        self.best, self.amiss = start.copy(), 0.0
+
+    def run(self) -> None:
+        """Look for allowed places, where something is amiss by more than rounding, until no step makes what
+        is amiss less."""
+        q, mujoco, m = self.start.copy(), self.mujoco, self.model
+        gone, here = np.zeros(m.nv), self._demands(q)
+        if here.amiss <= CLOSED * self.size:
+            return
+        for _ in range(ROUNDS):
+            mujoco.mj_differentiatePos(m, gone, 1.0, self.start, q)
+            if here.amiss <= ROUNDED * self.size:  # what yielding leaves is closed by the least step
+                gone[:] = 0.0
+            step = _nearest(self._metric(q), here, gone)
+            pace = float(np.abs(step * self.lever).max(initial=0.0))
+            step *= min(1.0, FAR * self.size / pace) if pace > 0.0 else 0.0
+            for _ in range(HALVINGS):
+                tried = q.copy()
+                mujoco.mj_integratePos(m, tried, step, 1.0)
+                there = self._demands(tried)
+                if there.sum < here.sum:
+                    break
+                step *= 0.5
+            else:
+                break
+            q, here = tried, there
+        self.best, self.amiss = q, here.amiss
+
+    def result(self) -> Settled:
+        """The best places that were seen."""
+        moved = np.linalg.norm(self._geoms(self.best) - self.first, axis=1)
+        far = int(moved.argmax()) if len(moved) else 0
+        geom = int(self.moving[far]) if len(moved) else -1
+        pairs = self._overlapping(self.best)
+        return Settled(self.best, self.amiss, pairs, float(moved.max(initial=0.0)), self.size, geom)
+
+    def _overlapping(self, q: Reals) -> tuple[tuple[int, int], ...]:
+        """Bodies that overlap by more than rounding, the deepest first."""
+        self.data.qpos[:] = q
+        self.mujoco.mj_fwdPosition(self.model, self.data)
+        contact, body = self.data.contact, self.model.geom_bodyid
+        overlaps = (contact.efc_address >= 0) & (contact.dist < -ROUNDED * self.size)
+        deep = np.flatnonzero(overlaps)[np.argsort(contact.dist[overlaps])]
+        pairs = [tuple(sorted(body[contact.geom[each]].tolist())) for each in deep]
+        return tuple(dict.fromkeys((one, other) for one, other in pairs))
+
+    def _geoms(self, q: Reals) -> Reals:
+        """Places (g, 3) of geoms that move."""
+        self.data.qpos[:] = q
+        self.mujoco.mj_kinematics(self.model, self.data)
+        return np.array(self.data.geom_xpos[self.moving])
+
+    def _size(self) -> float:
+        """The longest side of a box around all geoms that move."""
+        reach = self.model.geom_rbound[self.moving][:, None]
+        if not len(reach):
+            return float(self.model.stat.extent)
+        return float(((self.first + reach).max(axis=0) - (self.first - reach).min(axis=0)).max())
+
+    def _levers(self) -> Reals:
+        """The length that a unit of each velocity moves something by: 1 along, the size about an axis."""
+        m, lever = self.model, np.ones(self.model.nv)
+        for joint in range(m.njnt):
+            at, kind = int(m.jnt_dofadr[joint]), int(m.jnt_type[joint])
+            free, ball, slide = 0, 1, 2
+            turning = {free: slice(at + 3, at + 6), ball: slice(at, at + 3)}.get(kind, slice(at, at + 1))
+            if kind != slide:
+                lever[turning] = self.size
+        return lever
+
+    def _captured(self) -> NDArray[np.bool_]:
+        """Which equalities hold a body to one that motion capture leads; one entry where there are none."""
+        m, body = self.model, int(self.mujoco.mjtObj.mjOBJ_BODY)
+        if not m.neq:
+            return np.zeros(1, bool)
+        of_bodies = m.eq_objtype == body
+        sides = [m.body_mocapid[np.where(of_bodies, side, 0)] >= 0 for side in (m.eq_obj1id, m.eq_obj2id)]
+        return np.asarray(of_bodies & (sides[0] | sides[1]))
+
+    def _metric(self, q: Reals) -> Reals:
+        """M (n, n) of bodies of mass 1."""
+        mujoco, m, d = self.mujoco, self.unit, self.unit_data
+        d.qpos[:] = q
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_makeM(m, d)
+        metric = np.zeros((m.nv, m.nv))
+        mujoco.mj_fullM(m, d, metric)
+        return metric
+
+    def _demands(self, q: Reals) -> _Demands:
+        """What is asked of a step from q (n_q,)."""
+        mujoco, m, d, kinds = self.mujoco, self.model, self.data, self.mujoco.mjtConstraint
+        d.qpos[:] = q
+        mujoco.mj_fwdPosition(m, d)
+        every = np.array(d.efc_J).reshape(-1, m.nv)[: d.nefc]
+        kind, place = np.array(d.efc_type[: d.nefc]), np.array(d.efc_pos[: d.nefc])
+        equal = kind == kinds.mjCNSTR_EQUALITY
+        limit = (kind == kinds.mjCNSTR_LIMIT_JOINT) | (kind == kinds.mjCNSTR_LIMIT_TENDON)
+        first = d.contact.efc_address[d.contact.efc_address >= 0]
+        place[first] = d.contact.dist[d.contact.efc_address >= 0]
+        led = equal & self.captured[np.where(equal, d.efc_id[: d.nefc], 0)]
+        kept = np.concatenate([np.flatnonzero((equal & ~led) | limit), first]).astype(int)
+        rows, off, equal = every[kept], place[kept], equal[kept]
+        contact = np.isin(kept, first)
+        reach = np.abs(rows * self.lever).max(axis=1, initial=0.0)
+        unit = np.where(contact | (reach == 0.0), 1.0, self.size / np.where(reach > 0.0, reach, 1.0))
+        rows, off = rows * unit[:, None], off * unit
+        wrong = np.where(equal, np.abs(off), np.maximum(-off, 0.0))
+        clear = np.where(contact & (off < -CLOSED * self.size), CLEAR * self.size, 0.0)
+        return _Demands(rows, clear - off, equal, float(wrong.max(initial=0.0)), float(wrong @ wrong))
+
+
+class _Demands(NamedTuple):
+    """Rows (k, n), lengths, and what each at least has to change by (k,), or just where `equal` (k,); how far
+    the worst of them is off, and the sum of all squared."""
+
+    rows: Reals
+    least: Reals
+    equal: NDArray[np.bool_]
+    amiss: float
+    sum: float
+
+
+def _nearest(metric: Reals, demands: _Demands, gone: Reals) -> Reals:
+    """The step d (n,) with the least |d + gone| in the metric that meets the demands, as far as can be."""
+    rows, least, equal = demands[:3]
+    root = np.linalg.cholesky(metric + 1e-12 * np.trace(metric) / len(metric) * np.eye(len(metric)))
+    rows, least = np.vstack([rows, -rows[equal]]), np.concatenate([least, -least[equal]])
+    asked = least + rows @ gone
+    scale = float(np.abs(asked).max(initial=0.0))
+    if scale == 0.0:
+        return -gone
+    in_units = solve_triangular(root, rows.T, lower=True)
+    system = np.vstack([in_units, YIELD * np.eye(len(asked)), asked / scale])
+    right = np.zeros(len(system))
+    right[-1] = 1.0
+    multipliers, _ = nnls(system, right, maxiter=20 * system.shape[1] + 100)
+    left = system @ multipliers - right
+    moved = -left[: len(metric)] / left[-1] * scale
+    return np.asarray(solve_triangular(root, moved, lower=True, trans="T") - gone)
+
+
+def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same bodies with mass 1 each and the same radii of gyration."""
+    unit = copy.copy(model)
+    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
+    unit.body_inertia[:] = model.body_inertia / mass[:, None]
+    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
+    unit.dof_armature[:] = 0.0
+    unit.tendon_armature[:] = 0.0
+    return unit
