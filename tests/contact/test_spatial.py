@@ -402,4 +402,4 @@ def wall(rng: np.random.Generator, gap: float) -> ContactProblem:
 
 def test_walls_whose_corners_disagree_are_solved_by_newtons_method() -> None:
     found = [solve(wall(np.random.default_rng(seed), 1e-4)) for seed in range(24)]
-    assert sum(each.status == SOLVED and each.stage <= PROXIMAL for each in found) >= 10
+    assert sum(each.status == SOLVED and each.stage <= PROXIMAL for each in found) >= 14

@@ -2,8 +2,8 @@
 
 Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
 on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
-Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
-method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
+Newton's method in velocities (`spatial_newton`), and where that does not end by the proximal point method
+(`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
 beside rates as bodies alone would answer, and as the problem's loads are beside the rates that it demands:
 where next to nothing resists a motion, other contacts and drives answer. Accepts: H positive
 definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
-from rungwise.contact.solvers.space.newton import GIVE, Steps, descend, is_wide, plan_blocks
+from rungwise.contact.solvers.space.newton import Steps, descend, is_wide, plan_blocks
 from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.space.proximal import approach, put, residual_at
 from rungwise.contact.solvers.space.rows import (
@@ -43,10 +43,9 @@ _MARGIN, _ENOUGH = 0.1, 0.5
 what rests goes on to rest, over the tolerance of the whole. The first is chosen by trial, to a decade."""
 _NEAR = 0.3
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
-_TURNS, _SWEEPS, _STEPS = 2, 4, 6
-"""Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
-Chosen by trial."""
-_SUBPROBLEMS = 40
+_SWEEPS, _STEPS = 4, 6
+"""Sweeps before Newton's method, and most of its steps. Chosen by trial."""
+_SUBPROBLEMS = 60
 """Most subproblems of the proximal point method; chosen by trial."""
 _PATH, _WINDOW, _STALLED = 40, 6, 0.7
 """Most steps of the interior point method, which ends where product and residual are above this share of
@@ -146,7 +145,7 @@ def solve_spatial(
                 answers, Duals(dual[0], dual[1], dual[2], dual[3]), steps,
             )  # fmt: skip
             if polishes:
-                descend(touching, GIVE, 0.0, _STEPS, point, room.trial, steps)
+                descend(touching, 0.0, _STEPS, point, room.trial, steps)
             else:
                 worst = max(worst, _solve_island(touching, lone, demand, going, room))
         for i in range(n):
@@ -230,7 +229,7 @@ def _solve_island(island: Island, lone: bool, demand: float, going: Reals, room:
         return GUESS
     put(island, point, best)
     if found <= _NEAR:
-        descend(island, GIVE, tol, _STEPS, point, trial, steps)
+        descend(island, tol, _STEPS, point, trial, steps)
         if measure(island, point, steps.dv) <= tol:
             return PROXIMAL
     respond(island, room.answers)
@@ -256,16 +255,15 @@ def _look_ahead(island: Island, demand: float) -> None:
 
 @kernel
 def _by_newton(island: Island, room: Room) -> bool:
-    """Turns of sweeps and Newton steps, and the proximal point method; whether the point is a solution."""
-    tol, give = _MARGIN * TOLERANCE, GIVE
+    """Sweeps, Newton steps, and the proximal point method; whether the point is a solution."""
+    tol = _MARGIN * TOLERANCE
     point, trial, answers, steps = room.point, room.trial, room.answers, room.steps
     accelerate(island, point)
-    for turn in range(_TURNS):
-        sweep(island, answers, _SWEEPS << turn, point, steps.dx)
-        accelerate(island, point)
-        give = descend(island, give, tol, _STEPS, point, trial, steps)
-        if measure(island, point, steps.dv) <= tol:
-            return True
+    sweep(island, answers, _SWEEPS, point, steps.dx)
+    accelerate(island, point)
+    descend(island, tol, _STEPS, point, trial, steps)
+    if measure(island, point, steps.dv) <= tol:
+        return True
     found = approach(island, answers, tol, _SUBPROBLEMS, point, trial, steps)
     return bool(found <= _ENOUGH * TOLERANCE)
 

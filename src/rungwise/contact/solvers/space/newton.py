@@ -315,20 +315,18 @@ def find_step(island: Island, point: Point, steps: Steps) -> None:
 
 
 @kernel
-def descend(
-    island: Island, give: float, tol: float, most: int, point: Point, trial: Point, steps: Steps
-) -> float:
-    """Move the point by Newton steps while the map falls, until the residual is within `tol`. Returns the
-    yield of the last steps, less than `give` where whole steps were slow."""
+def descend(island: Island, tol: float, most: int, point: Point, trial: Point, steps: Steps) -> None:
+    """Move the point by Newton steps while the map falls, until the residual is within `tol`."""
+    give = GIVE
     size = evaluate(island, 0.0, point, steps)
     for _ in range(most):
         if not prepare(island, give, 0.0, steps):
-            return give
+            return
         for attempt in range(1 + _CHORDS):
             find_step(island, point, steps)
             length, newer = 1.0, math.inf
             for _ in range(_HALVINGS if attempt == 0 else 1):
-                _move(island, point, length, steps, trial)
+                move(island, point, length, steps, trial)
                 newer = evaluate(island, 0.0, trial, steps)
                 if newer <= ((1.0 - _FALL * length) if attempt == 0 else _FAST) * size:
                     break
@@ -336,7 +334,7 @@ def descend(
             if not newer < math.inf:
                 evaluate(island, 0.0, point, steps)
                 if attempt == 0 and give <= _LEAST:
-                    return give
+                    return
                 give = max(give * _FIRMER, _LEAST) if attempt == 0 else give
                 break
             if length == 1.0 and newer > _FAST * size:
@@ -344,14 +342,14 @@ def descend(
             size = newer
             _take(island, trial, point)
             if measure(island, point, steps.dv) <= tol:
-                return give
+                return
             if length < 1.0:
                 break
-    return give
 
 
 @inner_kernel
-def _move(island: Island, point: Point, length: float, steps: Steps, trial: Point) -> None:
+def move(island: Island, point: Point, length: float, steps: Steps, trial: Point) -> None:
+    """Let the trial be the point after a step of this length."""
     groups, span = island.groups, island.span
     for i in range(span.low, span.high):
         trial.v[i] = point.v[i] + length * steps.dv[i - span.low]

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solvers.space.measure import Island, Point, measure
-from rungwise.contact.solvers.space.newton import Steps, evaluate, find_step, prepare
+from rungwise.contact.solvers.space.newton import Steps, evaluate, find_step, move, prepare
 from rungwise.contact.solvers.space.sweeps import Answers, accelerate, sweep
 from rungwise.kernel import inner_kernel, kernel
 
@@ -70,17 +70,13 @@ def _settle(island: Island, hold: float, goal: float, point: Point, start: Point
     """Solve the subproblem by whole Newton steps until its map is within `goal`, and return whether it is:
     the map may grow on the way, since contacts that change between sticking, slipping and open have far to
     go. Where it has not fallen in the end the point is where it was."""
-    groups, span = island.groups, island.span
     put(island, point, start)
     first = size = evaluate(island, hold, point, steps)
     for _ in range(_STEPS):
         if not prepare(island, 0.0, hold, steps):
             break
         find_step(island, point, steps)
-        for i in range(span.low, span.high):
-            point.v[i] += steps.dv[i - span.low]
-        for r in range(groups.row[span.first], groups.row[span.last]):
-            point.x[r] += steps.dx[r]
+        move(island, point, 1.0, steps, point)
         size = evaluate(island, hold, point, steps)
         if size <= goal:
             return True
