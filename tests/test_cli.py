@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
+import typer.main
 import yaml
 
 import rungwise as rw
@@ -319,7 +320,8 @@ def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) 
     assert float(dataset.position.sel(coordinate="part.x3")[-1]) == first["final"]["part"]["x3"]
     long = dataset.sizes["time"]
     (folder / "notes.txt").write_text("kept")
-    second = rungwise(*SIM, "--out", folder, "--time", "0.001", "--json").json
+    refused(rungwise(*SIM, "--out", folder, "--time", "0.001"), "out: ", "exists; --force overwrites it")
+    second = rungwise(*SIM, "--out", folder, "--force", "--time", "0.001", "--json").json
     saved = rw.load_run(folder)
     dataset, summary = saved.trajectory, saved.summary()
     assert summary["outcome"] == second["outcome"] != "goal"
@@ -331,6 +333,38 @@ def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) 
         "states.npz",
         "trajectory.zarr",
     ]
+
+
+def test_every_command_with_out_refuses_what_exists_and_can_be_forced(
+    rungwise: Command, tmp_path: Path
+) -> None:
+    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    options = {name: {p.name for p in each.params} for name, each in commands.items()}
+    assert {name for name, own in options.items() if "out" in own} == {
+        name for name, own in options.items() if "force" in own
+    }
+    problem = tmp_path / "problem.npz"
+    rw.solve(rw.Problem.lcp([[2.0, 1.0], [1.0, 2.0]], [-1.0, -1.0])).save(tmp_path / "any.npz")
+    kept = tmp_path / "kept.json"
+    kept.write_text("kept")
+    for command in (
+        ("plan", "push", "--to", "geometric"),
+        ("design", "two_finger", "--over", "v2", "--model", "kinematic"),
+        ("solve", problem),
+    ):
+        refused(rungwise(*command, "--out", kept), "out: ", "kept.json exists; --force overwrites it")
+    assert kept.read_text() == "kept"
+    for command in (SIM, ("compare", "two_finger", "--samples", 0), SETS):
+        refused(rungwise(*command, "--out", tmp_path), "out: ", "exists; --force overwrites it")
+
+
+def test_check_prints_places_as_runs_do(rungwise: Command) -> None:
+    for scene in ("gripper", "push", "two_finger", "two_link", "ball"):
+        report = rungwise("check", scene, "--json").json
+        state = rw.State.of(scene)
+        for name in state.names if scene != "ball" else ():
+            body, _, coordinate = name.partition(".")
+            assert report["bodies"][body]["coordinates"][coordinate]["start"] == pytest.approx(state[name])
 
 
 def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
@@ -459,10 +493,11 @@ def test_sets_answers_and_keeps(rungwise: Command, tmp_path: Path) -> None:
     assert answer.json["over"] == {"v1": [0.2, 2.2], "v2": [0.2, 2.2]} and answer.json["between"] == []
     assert (tmp_path / "sets.png").stat().st_size > 5000
     assert rw.load_set(tmp_path / "quasistatic-rigid").evaluations == one["evaluations"]
-    refused(rungwise(*SETS, "--tol", 0.02, "--out", tmp_path), "holds a set already", "--resume")
+    refused(rungwise(*SETS, "--tol", 0.02, "--out", tmp_path), "exists; --force overwrites it, --resume")
     assert (
         rungwise(*SETS, "--tol", 0.02, "--out", tmp_path, "--resume", "--json").json["sets"][0]["hits"] == 0
     )
+    assert rungwise(*SETS, "--tol", 0.1, "--out", tmp_path, "--force").code == 0
 
 
 def test_sets_as_files(rungwise: Command, tmp_path: Path) -> None:
@@ -596,6 +631,9 @@ def test_plan_is_found_saved_verified_and_drawn(rungwise: Command, tmp_path: Pat
     assert answer.code == 0 and answer.json["diagnosis"]["after"] == "quasistatic-rigid"
     assert drawn.read_text().count("<path") > 20
     answer = rungwise("plan", "push", "--task-seed", 3, "--to", "geometric", "--out", plan, "--csv", table)
+    refused(answer, "out: ", "exists; --force overwrites it")
+    geometric = ("plan", "push", "--task-seed", 3, "--to", "geometric", "--out", plan, "--force")
+    answer = rungwise(*geometric, "--csv", table)
     refused(answer, "csv: it is of the geometric rung")
     refused(rungwise("view", plan), "plan: it is of the geometric rung: it has places, but no inputs")
     refused(rungwise("verify", plan), "plan: it is of the geometric rung")
@@ -605,10 +643,10 @@ def test_plan_is_found_saved_verified_and_drawn(rungwise: Command, tmp_path: Pat
         answer = rungwise("plan", "push", "--task-seed", 3, "--to", "geometric", *more)
         refused(answer, f"{more[0][2:]}: needs a plan with inputs; on geometric @ 0.01 there are only places")
     schedule = "geometric,kinematic@0.01,quasistatic-rigid@0.01"
-    answer = rungwise("plan", "push", "--task-seed", 3, "--schedule", schedule, "--out", plan)
+    answer = rungwise("plan", "push", "--task-seed", 3, "--schedule", schedule, "--out", plan, "--force")
     assert answer.code == 0 and "without being touched by a robot" in answer.out
     assert rungwise("view", plan, "--parting", drawn).code == 0
-    answer = rungwise("plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", plan)
+    answer = rungwise("plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", plan, "--force")
     again = rungwise("plan", "push", "--task-seed", 3, "--initial", plan, "--schedule", "dynamic-rigid@0.01")
     assert again.code == 0 and "dynamic-rigid @ 0.01" in again.out
 
@@ -630,7 +668,7 @@ def test_errors_are_json_where_answers_are(rungwise: Command) -> None:
 
 def test_check_tells_units_travel_and_drives(rungwise: Command) -> None:
     text = rungwise("check", "grasp").out
-    assert "finger1.x: starts at 0, travels freely, driven by a servo: stiffness spring" in text
+    assert "finger1.x: starts at -0.15, travels freely, driven by a servo: stiffness spring" in text
     assert "part.angle: starts at 0 rad, travels freely\n" in text
     assert (
         "finger1.x1: starts at 0, travels 0 to 2, driven by speed v1" in rungwise("check", "two_finger").out

@@ -38,7 +38,50 @@ def test_a_goal_names_the_next_rung(model: rw.Rung) -> None:
 def test_a_goal_is_asked_for_only_where_there_is_none() -> None:
     assert "state a goal" in rw.simulate(thrown(), "kinematic").reason
     reason = rw.simulate(thrown(goal="puck.s >= 7"), "kinematic").reason
-    assert reason.endswith("Give more time (--time).")
+    assert "state a goal" not in reason and "--time" in reason
+
+
+def puck(drive: dict[str, Any], damping: float = 0.0) -> rw.Scene:
+    """A disc with a drive of its own, and one that it may come to touch."""
+    scene = thrown().file.model_dump(mode="json", exclude_unset=True) | {"goal": "post.s >= 100"}
+    scene["bodies"]["puck"]["coordinates"]["s"] = {"drive": drive}
+    scene["bodies"]["post"] |= {
+        "role": "object", "mass": 1.0, "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"damping": damping}},
+    }  # fmt: skip
+    return rw.load(scene)
+
+
+STILL = "Nothing moves any more: more time changes nothing. Change inputs, drives or the start."
+LED = "Only puck, which drives lead, still moves: more time (--time) helps if they come to touch something."
+MORE = "Give more time (--time)."
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+@pytest.mark.parametrize(
+    ("speed", "duration", "advised"),
+    [("1", 0.1, LED), ("10", 1.0, MORE), ("t", 0.1, MORE)],
+)
+def test_more_time_is_advised_where_it_may_help(
+    model: rw.Rung, speed: str, duration: float, advised: str
+) -> None:
+    scene = puck({"kind": "speed", "speed": speed}, damping=1.0)
+    run = rw.simulate(scene, model, duration=duration)
+    assert run.outcome == "timeout" and run.reason.endswith(advised)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_where_nothing_moves_more_time_is_not_advised(model: rw.Rung) -> None:
+    scene = puck({"kind": "force", "force": 0.0}, damping=1.0)
+    run = rw.simulate(scene, model)
+    assert run.outcome == "timeout" and run.reason.endswith(STILL)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_a_scene_in_space_in_which_nothing_moves_is_not_helped_by_time(model: rw.Rung) -> None:
+    scene = rw.load("stack").changed(goal="t >= 100")
+    reason = rw.simulate(scene, model, duration=0.3).reason
+    assert "Give more time" not in reason or model.compliant
 
 
 def test_bodies_that_nothing_can_touch_are_named() -> None:

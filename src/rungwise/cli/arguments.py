@@ -11,6 +11,7 @@ import typer
 
 from rungwise.cli.terminal import refuse
 from rungwise.scene.contract import AnyScene
+from rungwise.stored import remove
 
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
@@ -53,6 +54,7 @@ LimitOption = Annotated[
     float | None,
     numeric("--limit", "Ends after this time with what it has found, and says what is left.", "SECONDS"),
 ]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what --out names, if it exists.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")]
 
 
@@ -133,6 +135,21 @@ def writable_file(file: Path) -> None:
         refuse(f"out: {file} is a folder, not a file")
     writable(file.parent)
     file.parent.mkdir(parents=True, exist_ok=True)
+
+
+def unused(out: Path | None, force: bool, resume: bool | None = None) -> None:
+    """Refuse a file that exists, or a folder in which something is, unless it may be overwritten, or the
+    command is to `resume` what is there; None where it cannot. Batches that are overwritten are removed."""
+    if out is None or resume:
+        return
+    with suppress(OSError):
+        if not force and out.exists() and (not out.is_dir() or any(out.iterdir())):
+            goes_on = "" if resume is None else ", --resume goes on from it"
+            refuse(f"out: {out} exists; --force overwrites it{goes_on}")
+    if force and resume is not None:
+        for request in out.rglob("request.json"):
+            for name in ("batches", "set.zarr", request.name):
+                remove(request.with_name(name))
 
 
 def load_plan_file(file: Path) -> Plan:

@@ -36,6 +36,7 @@ def compare(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
     ] = None,
+    force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
     """How far the models are apart on a scene: the paper's Table 1, with numbers. SCENE may be a saved
@@ -48,6 +49,7 @@ def compare(
     with stoppable("nothing is kept"), plain_errors():
         if out is not None:
             arg.writable(out)
+            arg.unused(out, force)
         loaded = arg.load_scene(scene, settle)
         given = arg.given_values(loaded, values)
         with progress.counting("compare", as_json) as on_progress:

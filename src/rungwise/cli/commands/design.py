@@ -35,6 +35,7 @@ def design(
     out: Annotated[
         Path | None, typer.Option("--out", help="Scene file with the best values as defaults.")
     ] = None,
+    force: arg.ForceOption = False,
     png: Annotated[Path | None, typer.Option("--png", help="Picture: how far each may drift.")] = None,
     threads: arg.ThreadsOption = None,
     as_json: arg.JsonOption = False,
@@ -49,6 +50,7 @@ def design(
         loaded, parameters = arg.load_with(scene, values, settle)
         if png is not None:
             needs_matplotlib("png")
+        arg.unused(out, force)
         for file in (out, png):
             if file is not None:
                 arg.writable_file(file)

@@ -35,6 +35,7 @@ def doomed(
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the set and the figure.")] = None,
+    force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
     """States from which no input within bounds reaches the goal."""
@@ -55,6 +56,7 @@ def doomed(
         loaded, parameters = arg.load_with(scene, values, settle)
         if out is not None:
             arg.writable(out)
+            arg.unused(out, force)
         with progress.counting(model, as_json) as on_progress:
             found = doomed_set(
                 loaded, model, names, bounds, box=box, cells=cells, parameters=parameters,

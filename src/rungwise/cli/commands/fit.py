@@ -40,6 +40,7 @@ def fit(
         Path | None, typer.Option("--out", help="Folder for batches, the answer, and the scene found.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:
     """Parameters of a scene from measured motions, and which rung explains them. Ctrl-C gives the best so
@@ -56,6 +57,7 @@ def fit(
     with stoppable(kept), writable_to(out, finished), plain_errors():
         if out is not None:
             arg.writable(out)
+            arg.unused(out, force, resume)
         loaded = arg.load_scene(scene)
         motions = _motions(data, deviation)
         with progress.counting("fit", as_json) as told:

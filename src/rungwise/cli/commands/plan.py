@@ -53,6 +53,7 @@ def plan(
     settle: arg.SettleOption = False,
     initial: Annotated[Path | None, typer.Option("--initial", help="A saved plan to begin with.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="File for the plan (JSON).")] = None,
+    force: arg.ForceOption = False,
     table: Annotated[Path | None, typer.Option("--csv", help="File for the time table of inputs.")] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
@@ -63,6 +64,7 @@ def plan(
     from rungwise.planning.lift.lift import plan as search
     from rungwise.planning.plan import PLACES_ONLY
 
+    arg.unused(out, force)
     for file in (out, table):
         if file is not None:
             arg.writable_file(file)

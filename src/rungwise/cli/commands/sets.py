@@ -45,6 +45,7 @@ def sets(
         Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    force: arg.ForceOption = False,
     html: Annotated[
         Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
     ] = None,
@@ -89,6 +90,7 @@ def sets(
         loaded, parameters = arg.load_with(scene, values, settle)
         if out is not None:
             arg.writable(out)
+            arg.unused(out, force, resume)
         for number, (name, each) in enumerate(wanted):
             left = len(wanted) - number + (certify > 0)
             below = found[-per_rung] if lift and name != rungs[0] else None

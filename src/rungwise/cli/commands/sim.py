@@ -39,6 +39,7 @@ def sim(
     ] = None,
     limit: arg.LimitOption = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
+    force: arg.ForceOption = False,
     save_hard: Annotated[
         Path | None,
         typer.Option("--save-hard", help="Folder for the problems of hard steps, at most 101 (FCLIB)."),
@@ -63,6 +64,7 @@ def sim(
         parameters = arg.parameters_of(loaded, values)
         if out is not None:
             arg.writable(out)
+            arg.unused(out, force)
         simulation = simulation_of(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,

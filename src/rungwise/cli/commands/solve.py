@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, LimitOption, numeric
+from rungwise.cli.arguments import ForceOption, JsonOption, LimitOption, numeric, unused
 from rungwise.cli.terminal import refuse, show, show_json
 
 
@@ -23,6 +23,7 @@ def solve(
     out: Annotated[
         Path | None, typer.Option("--out", help="npz file for r (normal first) and u = W r + q.")
     ] = None,
+    force: ForceOption = False,
     limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
@@ -31,6 +32,7 @@ def solve(
     from rungwise.contact.solution import Status
     from rungwise.contact.solve import solve as solve_problem
 
+    unused(out, force)
     try:
         solution = solve_problem(read_problem(file, kind), tol=tol, limit=limit)
     except ValueError as error:

@@ -33,7 +33,7 @@ from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.planar.state.lasting import DATINGS
-from rungwise.simulation.reasons.remarks import advice
+from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 
@@ -325,9 +325,9 @@ class MovingSimulation(Turns, Kind):
         elif stepper.snaps:
             self.reason = self.snapped(stepper)
         else:
-            self.reason = (
-                f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
-            )
+            has_goal, tolerance = self.scene.file.goal is not None, float(self._bound.tolerance)
+            rests = stillness({"": (float(np.abs(stepper.v).max(initial=0.0)), False)}, self.time, tolerance)
+            self.reason = f"{outcome.meaning}. {advice(outcome, self.model, has_goal, rests)}"
 
     def _notes(self) -> tuple[str, ...]:
         """Remarks on the model, on the geometry of contacts, and on steps that went far."""

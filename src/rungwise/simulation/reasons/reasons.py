@@ -16,6 +16,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
+from rungwise.scene.template import records as rec
 from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.support import without_law
 from rungwise.simulation.core.tolerances import NEAR, SINKING
@@ -25,7 +26,7 @@ from rungwise.simulation.planar.state.verdicts import crushed
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.leaps import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
-from rungwise.simulation.reasons.remarks import advice, remarks, untouchable
+from rungwise.simulation.reasons.remarks import advice, remarks, stillness, untouchable
 from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
 from rungwise.wording import listed
 
@@ -62,13 +63,28 @@ class Reasons:
     control: RecordArray
     workspace: Workspace
 
+    def _stillness(self) -> str:
+        """Whether more time would help (see `stillness`); not asked where something depends on time."""
+        template, state = self.scene.template, self.workspace.state
+        if template.reads_time or template.awaits_time:
+            return ""
+        own = self.bound.records.coordinates
+        bodies: dict[str, tuple[float, bool]] = {}
+        for name, speed, drive in zip(template.coordinates, state.v, own["drive"], strict=True):
+            body = name.partition(".")[0]
+            before, led = bodies.get(body, (0.0, True))
+            moves = led and (drive != rec.NO_DRIVE or speed == 0.0)
+            bodies[body] = max(before, abs(float(speed))), moves
+        return stillness(bodies, float(state.clock[0]["time"]), float(self.control[0]["tolerance"]))
+
     def explain(self, code: Code, deadline: Deadline = NEVER) -> Ended:
         """The outcome that the loop found, with its reason; a jam or a missing support must be proved, else
         the run is not converged. Raises TimeOver where the deadline has come in the search for a
         proof."""
         outcome = OUTCOMES[code]
         clock = self.workspace.state.clock[0]
-        reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
+        still = self._stillness() if code == Code.TIMEOUT else ""
+        reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None, still)}"
         if code == Code.INVALID:
             reason = self._undefined()
         if code == Code.MODEL_INVALID and clock["snapped"]:

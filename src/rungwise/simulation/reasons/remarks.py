@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import LADDER, Rung
@@ -40,14 +41,31 @@ def remarks(
     return tuple(remark for remark in found if remark)
 
 
-def advice(outcome: Outcome, rung: Rung, has_goal: bool) -> str:
-    """The advice of an outcome, as it fits the rung and the scene."""
+def advice(outcome: Outcome, rung: Rung, has_goal: bool, still: str = "") -> str:
+    """The advice of an outcome, as it fits the rung and the scene; `still`: why more time alone would not
+    help (see `stillness`)."""
     if outcome is Outcome.GOAL:
         richer = LADDER[[known.name for known in LADDER].index(rung.name) + 1 :]
         return f"The next rung is {richer[0].name}." if richer else "This is the richest rung."
     if outcome is Outcome.TIMEOUT and has_goal:
-        return "Give more time (--time)."
+        return still or "Give more time (--time)."
     return outcome.advice
+
+
+def stillness(bodies: Mapping[str, tuple[float, bool]], time: float, tolerance: float) -> str:
+    """A sentence where nothing moves at the end of a run, or nothing but what drives lead; empty elsewhere.
+    `bodies` gives the speed of each body, and whether drives lead it; what would go no farther than the
+    tolerance in as much time again does not move."""
+    moving = {name: led for name, (speed, led) in bodies.items() if not speed * time <= tolerance}
+    if not moving:
+        return "Nothing moves any more: more time changes nothing. Change inputs, drives or the start."
+    if all(moving.values()):
+        verb = "moves" if len(moving) == 1 else "move"
+        return (
+            f"Only {listed(moving)}, which drives lead, still {verb}: more time (--time) helps if they come"
+            " to touch something."
+        )
+    return ""
 
 
 def untouchable(scene: Scene) -> tuple[str, ...]:

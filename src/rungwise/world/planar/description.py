@@ -36,12 +36,13 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "ratio": float(record["ratio"]),
             "centre": [float(record["centre_x"]), float(record["centre_y"])],
         }
+    places, _ = scene.start(parameters)
     for number, (name, record) in enumerate(zip(template.coordinates, records.coordinates, strict=True)):
         body_name, coordinate = name.split(".")
         given = file.bodies[body_name].coordinates.get(coordinate)
         drive = None if given is None else given.drive
         bodies[body_name]["coordinates"][coordinate] = {
-            "start": float(record["start"]),
+            "start": float(places[number]),
             "lower": float(record["lower"]),
             "upper": float(record["upper"]),
             "unit": "rad" if turns(records.bodies[record["body"]], number) else "length",
