@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
+from rungwise.viewing.plane.goal import goal_places
 from rungwise.viewing.units import units_of
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 NEAR = 0.02
 """Open contact points are shown up to this fraction of the largest shape's reach."""
+NEAR_GOAL = 0.4
+"""A goal that may be missed by more than this part of a body's reach is drawn as no pose."""
 EXACT = 500
 """Up to so many pairs of shapes every gap is exact; with more pairs, far gaps are lower bounds, as in the
 run."""
@@ -83,7 +86,8 @@ class Clip:
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
     (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
     `push` holds, and `units` what is known of the scene's (see `units_of`). A joint is a body and a point
-    of this body, in its own frame. `raised` (frames, bodies) is how high bodies are above the plane.
+    of this body, in its own frame. `raised` (frames, bodies) is how high bodies are above the plane. `goal`
+    (bodies, 3) are poses that the goal wants, nan where it wants none (see `goal_places`).
     """
 
     scene: str
@@ -105,6 +109,12 @@ class Clip:
     touches: Touches
     units: Mapping[str, str]
     raised: NDArray[np.float64]
+    goal: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @property
+    def wanted(self) -> list[int]:
+        """Bodies for which the goal wants a pose."""
+        return np.flatnonzero(np.isfinite(self.goal).all(axis=1)).tolist()
 
     def thinned(self, frames: NDArray[np.int64]) -> Clip:
         """The clip with these frames only."""
@@ -216,7 +226,33 @@ def _clip(
         touches=touches,
         units=units_of(scene.file),
         raised=raised,
+        goal=_goal(scene, parameters, q[-1]),
     )
+
+
+def _goal(scene: Scene, parameters: Mapping[str, float], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses (bodies, 3) that the goal wants, with other coordinates as in q (n,); nan where it wants none."""
+    template, places = scene.template, goal_places(scene, parameters)
+    pose, records = np.full((len(template.bodies), 3), np.nan), scene.bind(parameters).records
+    reach = np.where(np.isfinite(records.shapes["reach"]), records.shapes["reach"], 0.0)
+    wanted = []
+    for number, name in enumerate(template.bodies):
+        own = {each for each in template.coordinates if each.partition(".")[0] == name}
+        needed = own - {f"{name}.angle"} if len(own) == 3 else own
+        near = NEAR_GOAL * float(reach[records.shapes["body"] == number].max(initial=0.0))
+        if own and all(each in places and places[each].within <= near for each in needed):
+            wanted.append(number)
+    if wanted:
+        there = q.copy()
+        for number, name in enumerate(template.coordinates):
+            there[number] = places[name].value if name in places else q[number]
+        points = 2 * len(records.pairs) + 2 * len(template.coordinates) + 2 * len(records.measures)
+        found, _, _ = _replay(
+            records, there[None], np.zeros((1, points), np.int64), np.zeros((1, points, 2)),
+            np.zeros((1, len(template.bodies))),
+        )  # fmt: skip
+        pose[wanted] = found[0, wanted]
+    return pose
 
 
 def _forces(data: xarray.Dataset, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:

@@ -19,6 +19,7 @@ MODELS = ("#0072b2", "#d55e00", "#007f5f", "#b0508c", "#8a6d00", "#333333")
 """Colours that people see apart whatever their colour vision (Okabe and Ito, some darkened)."""
 ROLES = {"object": "#d5e3f2", "robot": "#e7e2d3", "obstacle": "#dcdfe3"}
 INK = "#1b1f24"
+GOAL, GOAL_LINE = "#00805c", (0, (4, 2))
 STEPS_OF_ARC = 24
 SHOWS = 0.6
 """How opaque bodies are that are raised off the plane."""
@@ -75,6 +76,7 @@ def draw_frame(
     x0, y0, x1, y1 = view.extent
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=(), yticks=())
     size = max(x1 - x0, y1 - y0)
+    _goals(axes, clips[0])
     for index, clip in enumerate(clips):
         line = colors[index % len(colors)]
         extra = len(clips) - 1 - index
@@ -121,6 +123,14 @@ def _bodies(
             )
             opaque = SHOWS if raised[body] else 1.0 if over == 0 else 0.75
             axes.add_patch(PathPatch(whole, fc=ROLES[role], ec="none", alpha=opaque, zorder=above))
+
+
+def _goals(axes: Axes, clip: Clip) -> None:
+    """Draw bodies where the goal wants them, as dashed outlines below all others."""
+    for outline in clip.outlines:
+        if outline.body in clip.wanted and not outline.halfplane:
+            corners = placed(rounded(outline), clip.goal[outline.body])
+            axes.plot(*np.vstack([corners, corners[:1]]).T, ls=GOAL_LINE, color=GOAL, lw=1.6, zorder=1.5)
 
 
 def _band(outline: Outline, far: float) -> NDArray[np.float64]:

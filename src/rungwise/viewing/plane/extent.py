@@ -17,7 +17,10 @@ def bounds(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
         for outline in clip.outlines:
             if outline.halfplane:
                 continue
-            x, y, angle = np.moveaxis(clip.pose[:, outline.body, :], -1, 0)
+            poses = clip.pose[:, outline.body, :]
+            if outline.body in clip.wanted:
+                poses = np.vstack([poses, clip.goal[outline.body]])
+            x, y, angle = np.moveaxis(poses, -1, 0)
             c, s = np.cos(angle), np.sin(angle)
             for vx, vy in outline.vertices:
                 at = np.stack([x + c * vx - s * vy, y + s * vx + c * vy])

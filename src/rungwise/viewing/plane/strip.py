@@ -12,7 +12,7 @@ import numpy as np
 
 from rungwise.viewing.plane.arrows import MARKS, View, short, view_of
 from rungwise.viewing.plane.clip import Clip
-from rungwise.viewing.plane.draw import INK, MODELS, ROLES, draw_frame
+from rungwise.viewing.plane.draw import GOAL, GOAL_LINE, INK, MODELS, ROLES, draw_frame
 from rungwise.viewing.plane.html import labels, title
 
 if TYPE_CHECKING:
@@ -56,7 +56,10 @@ def _marks(clips: Sequence[Clip]) -> list[Line2D | Patch]:
         for marker, face, rim, word in MARKS.values()
     ]
     roles = dict.fromkeys(role for clip in clips for role in clip.roles)
-    return handles + [Patch(fc=ROLES[role], ec=INK, label=role) for role in roles]
+    handles += [Patch(fc=ROLES[role], ec=INK, label=role) for role in roles]
+    if clips[0].wanted:
+        handles.append(Line2D([], [], color=GOAL, ls=GOAL_LINE, lw=1.6, label="pose that the goal wants"))
+    return handles
 
 
 def _scale(clips: Sequence[Clip], view: View) -> list[Line2D | Patch]:
