@@ -85,26 +85,25 @@ def farthest(run: rw.Run) -> float:
     return float(data.position.max()) * float(axis[0]) / math.hypot(*map(float, axis))
 
 
+def check_stopped(model: rw.Rung, seed: int, count: int, driven: bool, outcomes: set[str]) -> None:
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        scene, middle = shot(rng, driven=driven)
+        run = rw.simulate(scene, model, **options(rng))
+        assert farthest(run) < middle, (k, run.outcome.name, farthest(run), middle)
+        assert run.outcome.name in outcomes, (k, run.reason)
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("model", FAST, ids=str)
 def test_a_bullet_is_never_beyond_the_wall(model: rw.Rung) -> None:
-    rng = np.random.default_rng(5)
-    for k in range(150):
-        scene, middle = shot(rng, driven=False)
-        run = rw.simulate(scene, model, **options(rng))
-        assert farthest(run) < middle, (k, run.outcome.name, farthest(run), middle)
-        assert run.outcome.name in ("timeout", "model_invalid"), (k, run.reason)
+    check_stopped(model, 5, 150, False, {"timeout", "model_invalid"})
 
 
 @pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_what_is_driven_never_passes_either(model: rw.Rung) -> None:
-    rng = np.random.default_rng(6)
-    for k in range(60):
-        scene, middle = shot(rng, driven=True)
-        run = rw.simulate(scene, model, **options(rng))
-        assert farthest(run) < middle, (k, run.outcome.name, farthest(run), middle)
-        assert run.outcome.name == ("model_invalid" if model.compliant else "jammed"), (k, run.reason)
+    check_stopped(model, 6, 60, True, {"model_invalid" if model.compliant else "jammed"})
 
 
 def swept(rng: np.random.Generator, count: int) -> rw.Scene:

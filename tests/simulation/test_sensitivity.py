@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
 
@@ -23,14 +25,22 @@ CASES = {
 }
 
 
-def led_to(
-    name: str, parameters: dict[str, float], until: float, model: rw.Rung
-) -> tuple[rw.Scene, float, rw.Run]:
-    """A scene, a theta for the model, and the run up to a time."""
+class Led(NamedTuple):
+    """A scene, its parameters, a theta for the model, and where the run has come to at a time."""
+
+    scene: rw.Scene
+    parameters: dict[str, float]
+    theta: float
+    time: float
+    state: Any
+
+
+def led_to(case: str, model: rw.Rung) -> Led:
+    name, parameters, until = CASES[case]
     scene, theta = rw.load(name), 0.75 if model == rw.DYNAMIC_COMPLIANT else 1.0
     run = rw.simulate(scene, model, parameters=parameters, duration=until, frames=3)
-    assert isinstance(scene, rw.Scene)
-    return scene, theta, run
+    assert isinstance(scene, rw.Scene) and run.workspace is not None
+    return Led(scene, parameters, theta, run.time, run.workspace.state)
 
 
 def taken(
@@ -58,10 +68,7 @@ def taken(
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=lambda model: model.name)
 @pytest.mark.parametrize("case", CASES)
 def test_against_steps_taken(case: str, model: rw.Rung) -> None:
-    name, parameters, until = CASES[case]
-    scene, theta, run = led_to(name, parameters, until, model)
-    assert run.workspace is not None
-    state = run.workspace.state
+    scene, parameters, theta, _, state = led_to(case, model)
     start, strain = np.concatenate([state.q, state.v]), state.deformation.copy()
     n = len(state.q)
     s = rw.step_sensitivity(scene, model, parameters, state.q, state.v, H, deformation=strain, theta=theta)
