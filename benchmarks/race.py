@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import peers  # beside this file
+from clock import processor_times
 
 import rungwise as rw
 
@@ -123,16 +124,6 @@ def grasps(ratios: Sequence[float], steps: Sequence[float], repeats: int) -> lis
     return rows
 
 
-def spent(work: Callable[[], object], repeats: int) -> float:
-    """Least processor time of some work."""
-    times = []
-    for _ in range(repeats):
-        began = time.process_time()
-        work()
-        times.append(time.process_time() - began)
-    return min(times)
-
-
 def loops(ratios: Sequence[float], h: float, repeats: int, runs: int) -> list[Loop]:
     """Every engine in its own loop; a step is the difference of two long runs, over their steps."""
     scene, rows = rw.load("two_finger"), []
@@ -143,9 +134,9 @@ def loops(ratios: Sequence[float], h: float, repeats: int, runs: int) -> list[Lo
         rw.simulate(scene, rung, parameters=values, step=BARE_STEP, duration=steps * BARE_STEP, frames=3)
 
     def row(engine: str, bare: Callable[[int], None], batch: Callable[[], object], count: int) -> Loop:
-        took = [spent(partial(bare, steps), repeats) for steps in BARE]
+        took = [min(processor_times(partial(bare, steps), repeats)) for steps in BARE]
         flight, touch = (1e6 * float(x) for x in np.diff(took)[::2] / np.diff(BARE)[::2])
-        return Loop(engine, flight, touch, count / spent(batch, repeats))
+        return Loop(engine, flight, touch, count / min(processor_times(batch, repeats)))
 
     for rung in (rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT):
         batch = partial(rw.rollout, scene, rung, parameters=draws, tol=TOL, keep=False, threads=1)

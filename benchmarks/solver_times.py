@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import scipy.sparse as sp
+from clock import processor_times
 from contact_peers import Cost
 
 import rungwise as rw
@@ -30,12 +30,7 @@ TOL = 1e-8
 
 def usual(work: Callable[[], object], repeats: int) -> float:
     """Median microseconds of so many."""
-    times = []
-    for _ in range(repeats):
-        began = time.process_time()
-        work()
-        times.append(time.process_time() - began)
-    return 1e6 * statistics.median(times)
+    return 1e6 * statistics.median(processor_times(work, repeats))
 
 
 def fresh(problem: rw.Problem, work: Callable[[rw.Problem], object], repeats: int) -> float:

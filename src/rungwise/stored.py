@@ -2,17 +2,74 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
+import re
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from rungwise.errors import InputError
 
 if TYPE_CHECKING:
     import xarray
     from zarr.core.buffer import Buffer
+
+
+REQUEST, BATCHES = "request.json", "batches"
+_DRAFT = re.compile(r"\.[0-9a-f]{8}(\.\w+)?")
+
+
+class Batches:
+    """The finished batches of one request in a folder, as arrays, by number. Raises the error where the
+    folder holds another request, or this one, a `thing`, and `resume` is false."""
+
+    def __init__(
+        self, folder: Path, request: Mapping[str, object], resume: bool, thing: str, error: type[InputError]
+    ) -> None:
+        self.folder = folder / BATCHES
+        known = folder / REQUEST
+        text = json.dumps(request, indent=1, sort_keys=True)
+        if known.is_file():
+            if not resume:
+                raise error(f"out: {folder} holds a {thing} already; give --resume, or another folder")
+            if known.read_text("utf-8") != text:
+                raise error(f"resume: {folder} holds another request; see {REQUEST} in it")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        _sweep(folder)
+        _sweep(self.folder)
+        if not known.is_file():
+            with whole(known) as draft:
+                draft.write_bytes(text.encode())
+
+    def kept(self, number: int) -> dict[str, np.ndarray[Any, Any]] | None:
+        """A batch, if it is kept whole."""
+        try:
+            with np.load(io.BytesIO(self.file(number).read_bytes())) as kept:
+                return dict(kept)
+        except (OSError, ValueError, EOFError, BadZipFile):
+            return None  # the machine stopped before all of it was on the disk
+
+    def keep(self, number: int, **arrays: np.ndarray[Any, Any]) -> None:
+        with whole(self.file(number)) as draft:
+            np.savez(draft, **arrays)  # type: ignore[arg-type]
+
+    def file(self, number: int) -> Path:
+        return self.folder / f"{number:06d}.npz"
+
+
+def _sweep(folder: Path) -> None:
+    """Remove files that a killed process left half written."""
+    for path in folder.iterdir():
+        if _DRAFT.fullmatch(path.name):
+            remove(path)
 
 
 def store_dataset(data: xarray.Dataset, folder: Path) -> None:

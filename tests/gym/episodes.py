@@ -23,3 +23,13 @@ def played(env: SceneEnv, seed: int, most: int = 1000) -> list[tuple[Any, ...]]:
 def same(state: rw.State, other: rw.State) -> bool:
     """Whether q, v and time are the same to the bit."""
     return np.array_equal(state.q, other.q) and np.array_equal(state.v, other.v) and state.time == other.time
+
+
+def check_uninterrupted(env: SceneEnv, scene: str, model: str) -> None:
+    """That the state of an episode is that of the run with its inputs, which no holds interrupt."""
+    s = env.settings
+    whole = rw.simulate(
+        scene, model, parameters=env.parameters, inputs=env.schedule, step=s.step, tol=s.tol, theta=s.theta,
+        span=s.horizon,
+    )  # fmt: skip
+    assert same(whole.state, env.state) and same(env.replay().state, env.state)

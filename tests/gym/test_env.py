@@ -21,7 +21,7 @@ from rungwise.gym import SceneEnv, Transition, make
 from rungwise.gym.registration import SCENES
 from rungwise.scene.space.read import file_of, shipped_in_space
 
-from .episodes import played, same
+from .episodes import check_uninterrupted, played, same
 
 PAIRS = (
     ("push", "dynamic-rigid"),
@@ -61,12 +61,7 @@ def test_an_episode_is_the_run_that_is_not_interrupted(model: str, options: dict
     """To the bit, from the start and from a state, at fixed and at controlled steps."""
     env = make("two_finger", model, **options)
     played(env, 3, 6)
-    s = env.settings
-    whole = rw.simulate(
-        "two_finger", model, parameters=env.parameters, inputs=env.schedule, step=s.step, tol=s.tol,
-        theta=s.theta, span=s.horizon,
-    )  # fmt: skip
-    assert same(whole.state, env.state) and same(env.replay().state, env.state)
+    check_uninterrupted(env, "two_finger", model)
 
 
 def test_contacts_that_hold_a_part_are_handed_on() -> None:

@@ -98,7 +98,7 @@ class Predictor:
             return Predicted(*kept[:2])
         found = self._run(points, shifts)
         if self._log is not None:
-            self._log.keep(*found, self.moved)
+            self._log.add(*found, self.moved)
         return found
 
     def _run(self, points: Reals, shifts: Reals | None) -> Predicted:

@@ -164,20 +164,17 @@ class Scene:
         values = np.zeros(template.value_count)
         values[: len(template.parameters)] = list(self.parameters(given).values())
         checks = template.checks
-        fault, index = bind(
-            template.fixed_numbers(), checks.bounds(), values, np.zeros(STACK), buffer, records
-        )
+        fault, index = bind(template.fixed_numbers(), checks.bounds, values, np.zeros(STACK), buffer, records)
         if fault == faults.OUT_OF_RANGE:
-            raise InvalidScene(self._out_of_range(index, float(buffer[checks.slots[index]])))
+            raise InvalidScene(self._out_of_range(index, float(buffer[checks.bounds.slots[index]])))
         if fault != faults.BOUND:
             raise InvalidScene(f"{self._place(fault, index, records)}: {faults.FAULTS[fault]}")
         values[-1] = records.world[0]["tolerance"]
         return Bound(buffer, records, values)
 
     def _out_of_range(self, index: int, value: float) -> str:
-        checks = self.template.checks
-        low, high, kinds = checks.low[index], checks.high[index], int(checks.kinds[index])
-        return f"{checks.paths[index]}: {out_of_range(value, low, high, kinds)}"
+        known, path = self.template.checks.bounds, self.template.checks.paths[index]
+        return f"{path}: {out_of_range(value, known.low[index], known.high[index], int(known.kinds[index]))}"
 
     def _place(self, fault: int, index: int, records: rec.Records) -> str:
         template = self.template

@@ -7,83 +7,42 @@ ends. Files appear under their names whole or not at all.
 
 from __future__ import annotations
 
-import io
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
-from rungwise.stored import remove, store_dataset, whole
+from rungwise.stored import Batches, store_dataset, whole
 
 if TYPE_CHECKING:
     import xarray
 
-REQUEST, BATCHES, STORE = "request.json", "batches", "set.zarr"
+STORE = "set.zarr"
 
 
 class SetError(InputError):
     """A request for a set, or a folder of one, is wrong; the text is one line that names the fault."""
 
 
-class Log:
-    """The finished batches of one request in a folder.
-
-    Raises SetError when the folder holds another request, or holds this request and `resume` is false.
-    """
+class Log(Batches):
+    """The finished batches of one request in a folder. Raises SetError (see `Batches`)."""
 
     def __init__(self, folder: Path, request: Mapping[str, object], resume: bool) -> None:
-        self.folder = folder / BATCHES
-        known = folder / REQUEST
-        text = json.dumps(request, indent=1, sort_keys=True)
-        if known.is_file():
-            if not resume:
-                raise SetError(f"out: {folder} holds a set already; give --resume, or another folder")
-            if known.read_text("utf-8") != text:
-                raise SetError(f"resume: {folder} holds another request; see {REQUEST} in it")
-        self.folder.mkdir(parents=True, exist_ok=True)
-        _sweep(folder)
-        _sweep(self.folder)
-        if not known.is_file():
-            write(known, text.encode())
+        super().__init__(folder, request, resume, "set", SetError)
 
     def read(self, number: int, points: Reals) -> tuple[Ints, Reals] | None:
-        """Outcomes and margins of a batch if it is kept whole. Raises SetError if the kept batch has other
+        """Outcomes and margins of a batch if it is kept. Raises SetError if the kept batch has other
         points."""
-        file = self._file(number)
-        if not file.is_file():
+        kept = self.kept(number)
+        if kept is None or not {"points", "outcome", "margin"} <= kept.keys():
             return None
-        try:
-            with np.load(io.BytesIO(file.read_bytes())) as kept:
-                asked, outcome, margin = kept["points"], kept["outcome"], kept["margin"]
-        except (ValueError, EOFError, KeyError, BadZipFile):
-            return None  # the machine stopped before all of it was on the disk
-        if not np.array_equal(asked, points):
-            raise SetError(f"resume: {file.name} in {self.folder} is of another request")
-        return outcome, margin
-
-    def write(self, number: int, points: Reals, outcome: Ints, margin: Reals) -> None:
-        """Keep a batch."""
-        with whole(self._file(number)) as draft:
-            np.savez(draft, points=points, outcome=outcome, margin=margin)
-
-    def _file(self, number: int) -> Path:
-        return self.folder / f"{number:06d}.npz"
-
-
-_DRAFT = re.compile(r"\.[0-9a-f]{8}(\.\w+)?")
-
-
-def _sweep(folder: Path) -> None:
-    """Remove files that a killed process left half written."""
-    for path in folder.iterdir():
-        if _DRAFT.fullmatch(path.name):
-            remove(path)
+        if not np.array_equal(kept["points"], points):
+            raise SetError(f"resume: {self.file(number).name} in {self.folder} is of another request")
+        return kept["outcome"], kept["margin"]
 
 
 def write(target: Path, content: bytes) -> Path:

@@ -82,7 +82,7 @@ class Workers:
         self._until, self._ramps = tuple(until), np.array(ramps, np.int64)
         conditions = template.conditions
         self._programs = Programs(
-            numbers=template.fixed_numbers(), bounds=template.checks.bounds(), buffer=template.buffer,
+            numbers=template.fixed_numbers(), bounds=template.checks.bounds, buffer=template.buffer,
             parameters=np.array(list(self.parameters.values())), blank=np.zeros(1, CLOCK),
         )  # fmt: skip
         self._conditions = (conditions.code, conditions.constants, conditions.table)

@@ -100,6 +100,10 @@ class Parting:
     size: float
 
 
+Evidence: TypeAlias = Callable[[Parting], dict[str, Any]]
+"""Numbers that go with a cause."""
+
+
 def of_body(parting: Parting) -> NDArray[np.bool_]:
     """Which coordinates (n,) are the body's own."""
     names = parting.variants[0].scene.template.coordinates
@@ -118,15 +122,19 @@ def speeds(parting: Parting) -> dict[str, Any]:
     return {"speed": found}
 
 
-def overlap(pairs: str, parting: Parting) -> dict[str, Any]:
+def overlaps(pairs: str) -> Evidence:
     """The deepest overlap where contacts yield, and whose; `pairs`: what motions call their contacts."""
-    yields, deepest, whose = [variant.model.compliant for variant in parting.variants], [], []
-    for motion, soft in zip(parting.motions, yields, strict=True):
-        gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
-        names = [str(name) for name in motion.data[pairs].values]
-        whose.append(names[int(gaps.argmin())] if names else "")
-        deepest.append(float(max(0.0, -gaps.min(initial=0.0))) if soft else 0.0)
-    return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
+
+    def overlap(parting: Parting) -> dict[str, Any]:
+        yields, deepest, whose = [variant.model.compliant for variant in parting.variants], [], []
+        for motion, soft in zip(parting.motions, yields, strict=True):
+            gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
+            names = [str(name) for name in motion.data[pairs].values]
+            whose.append(names[int(gaps.argmin())] if names else "")
+            deepest.append(float(max(0.0, -gaps.min(initial=0.0))) if soft else 0.0)
+        return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
+
+    return overlap
 
 
 def accuracy(parting: Parting) -> dict[str, Any]:
@@ -138,10 +146,6 @@ def parameters(parting: Parting) -> dict[str, Any]:
     """Parameters that differ."""
     one, other = (variant.parameters for variant in parting.variants)
     return {name: [one[name], other[name]] for name in one if name in other and one[name] != other[name]}
-
-
-Evidence: TypeAlias = Callable[[Parting], dict[str, Any]]
-"""Numbers that go with a cause."""
 
 
 def evidence_of(

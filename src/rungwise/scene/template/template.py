@@ -37,15 +37,8 @@ class Bounds(Block):
 class Checks:
     """Bounds that bound numbers must keep; `paths` name the fields."""
 
-    slots: NDArray[np.int64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    kinds: NDArray[np.int64]
+    bounds: Bounds
     paths: tuple[str, ...]
-
-    def bounds(self) -> Bounds:
-        """The bounds as kernels take them."""
-        return Bounds(slots=self.slots, low=self.low, high=self.high, kinds=self.kinds)
 
 
 @dataclass(frozen=True)

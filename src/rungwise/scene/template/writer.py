@@ -10,7 +10,7 @@ from rungwise.scene.fields.values import Number
 from rungwise.scene.language.expression import STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import Names
 from rungwise.scene.template import records as rec
-from rungwise.scene.template.template import Checks
+from rungwise.scene.template.template import Bounds, Checks
 
 INF = float("inf")
 
@@ -34,9 +34,11 @@ class Writer:
     def checks(self) -> Checks:
         """The bounds of all numbers written."""
         slots, low, high, kinds, paths = zip(*self._checks, strict=True)
-        return Checks(
-            np.array(slots, np.int64), np.array(low), np.array(high), np.array(kinds, np.int64), paths
-        )
+        bounds = Bounds(
+            slots=np.array(slots, np.int64), low=np.array(low), high=np.array(high),
+            kinds=np.array(kinds, np.int64),
+        )  # fmt: skip
+        return Checks(bounds, paths)
 
     def put(
         self,

@@ -90,7 +90,8 @@ class Oracle:
             answers[k][0][rows], answers[k][1][rows] = outcome, margin
             done = len(rows) - int((outcome == Code.RUNNING).sum())
             if self._log is not None and done > 0:
-                self._log.write(self._batches + k, batches[k], *answers[k])
+                outcome, margin = answers[k]
+                self._log.keep(self._batches + k, points=batches[k], outcome=outcome, margin=margin)
             if done < len(rows):
                 self._ended = True
                 raise BudgetSpent

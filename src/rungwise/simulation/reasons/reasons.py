@@ -173,7 +173,7 @@ class Reasons:
         if slot < 0:
             return self._landed()
         checks = self.scene.template.checks
-        path = checks.paths[checks.slots.tolist().index(slot)]
+        path = checks.paths[checks.bounds.slots.tolist().index(slot)]
         value = self.bound.buffer[slot]
         now = self.workspace.state.values[len(self.scene.template.parameters)]
         return f"{path}: must be finite, not {value:g}, at t = {now:g}"

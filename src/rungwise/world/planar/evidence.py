@@ -15,16 +15,7 @@ from numpy.typing import NDArray
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
 from rungwise.simulation.result import Run
 from rungwise.world import ingredients
-from rungwise.world.ingredients import (
-    TOUCHES,
-    Evidence,
-    Motion,
-    Parting,
-    acting,
-    evidence_of,
-    of_body,
-    overlap,
-)
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, overlaps
 from rungwise.world.planar.variant import RESISTS, PlanarVariant
 
 
@@ -184,8 +175,8 @@ def _bounce(parting: Parting) -> dict[str, Any]:
     return {"contact": contacts[contact], "time": time, "run": run, **speeds, "left": rebound}
 
 
-_OWN: dict[str, Evidence] = {
+_OWN = {
     ingredients.FRICTION: _contact, ingredients.SUPPORT: _support, ingredients.INERTIA: _coasting,
-    ingredients.RESTITUTION: _bounce, ingredients.COMPLIANCE: partial(overlap, "contact"),
+    ingredients.RESTITUTION: _bounce, ingredients.COMPLIANCE: overlaps("contact"),
 }  # fmt: skip
 evidence = partial(evidence_of, _OWN)

@@ -20,13 +20,12 @@ from rungwise.world.contract import OBSTACLE
 from rungwise.world.find import world_of
 from rungwise.world.ingredients import (
     TOUCHES,
-    Evidence,
     Motion,
     Parting,
     acting,
     evidence_of,
     of_body,
-    overlap,
+    overlaps,
     speeds,
 )
 from rungwise.world.spatial.variant import SLIP, SpatialVariant
@@ -196,8 +195,8 @@ def _bounce(parting: Parting) -> dict[str, Any]:
     return dict(max(known, key=lambda each: each[0])[1]) if known else {}
 
 
-_OWN: dict[str, Evidence] = {
+_OWN = {
     ingredients.BALANCE: _balance, ingredients.FRICTION: _contact, ingredients.INERTIA: _coasting,
-    ingredients.RESTITUTION: _bounce, ingredients.COMPLIANCE: partial(overlap, "pair"),
+    ingredients.RESTITUTION: _bounce, ingredients.COMPLIANCE: overlaps("pair"),
 }  # fmt: skip
 evidence = partial(evidence_of, _OWN)
