@@ -17,7 +17,6 @@ An engine that is not installed is left out (`pip install .[race]` has them all)
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -30,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import peers  # beside this file
+from arguments import wants_json
 from clock import processor_times
 
 import rungwise as rw
@@ -191,12 +191,10 @@ def main(
     runs: int = RUNS,
 ) -> int:
     """Print both tables, or one JSON object."""
-    parser = argparse.ArgumentParser(description="rungwise beside other engines.")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
+    as_json = wants_json(arguments, "rungwise beside other engines.")
     grasped, slid = grasps(ratios, steps, repeats), slidings(max(steps))
     bare = loops(ratios, sorted(steps)[len(steps) // 2], repeats, runs)
-    if options.json:
+    if as_json:
         rows = {"grasps": [asdict(row) for row in grasped], "slidings": [asdict(row) for row in slid]}
         rows["loops"] = [asdict(row) for row in bare]
         print(json.dumps({"ratios": list(ratios)} | rows))

@@ -14,7 +14,6 @@ disturbs all of them alike; ratios to the hand-written loop of the same run are 
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from functools import partial
 from statistics import median
 
 import hand_loop  # beside this file
+from arguments import wants_json
 
 import rungwise as rw
 
@@ -190,11 +190,9 @@ def main(
     with_command: bool = True,
 ) -> int:
     """Print the table, or one JSON object."""
-    parser = argparse.ArgumentParser(description="Steps per second of the two-finger scene on each rung.")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
+    as_json = wants_json(arguments, "Steps per second of the two-finger scene on each rung.")
     rows = benchmark(ratios, repeats, with_command)
-    if options.json:
+    if as_json:
         print(
             json.dumps({"scene": "two_finger", "ratios": list(ratios), "rows": [asdict(row) for row in rows]})
         )

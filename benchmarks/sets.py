@@ -10,7 +10,6 @@ from where runs at a hundredth of the error change theirs. The other engines see
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -19,6 +18,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import peers  # beside this file
+from arguments import wants_json
 
 import rungwise as rw
 
@@ -119,15 +119,13 @@ def main(
     tols: Sequence[float] = (1 / 32, 1 / 64, 1 / 128, 1 / 256),
 ) -> int:
     """Print the tables, or one JSON object."""
-    parser = argparse.ArgumentParser(description="Speed and verdicts of batches, and the cost of sets.")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
+    as_json = wants_json(arguments, "Speed and verdicts of batches, and the cost of sets.")
     scene = rw.load("two_finger")
     rows = [measure(scene, rung, parameters, end, runs) for rung, parameters, end in CASES]
     if peer_runs:
         rows += [measure_peer(peer, peer_runs) for peer in peers.peers()]
     costs = [cost(tol) for tol in tols]
-    if options.json:
+    if as_json:
         print(json.dumps({"rows": [asdict(row) for row in rows], "costs": [asdict(each) for each in costs]}))
         return 0
     print(f"{'two_finger':40s} {'runs/s':>8s} {'right':>8s} {'of':>6s}")

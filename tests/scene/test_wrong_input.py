@@ -16,6 +16,18 @@ from pydantic import BaseModel
 from rungwise.scene import InvalidScene, SceneError, load, shipped
 from rungwise.scene.fields import fields, shapes, task, values
 
+
+def lying(x: float, support: dict[str, Any]) -> dict[str, Any]:
+    """A disc on a plane."""
+    return {
+        "role": "object",
+        "shape": {"kind": "disc", "radius": 0.1},
+        "pose": {"x": x},
+        "motion": {"kind": "free"},
+        "support": support,
+    }
+
+
 WHOLE: dict[str, Any] = {
     "name": "whole",
     "about": "every part of a scene, with every field",
@@ -88,31 +100,16 @@ WHOLE: dict[str, Any] = {
                 "centre": [0.0, 0.1],
             },
         },
-        "cup": {
-            "role": "object",
-            "shape": {"kind": "disc", "radius": 0.1},
-            "pose": {"x": 30.0},
-            "motion": {"kind": "free"},
-            "support": {"friction": 0.5, "gravity": 9.81, "pressure": {"kind": "ring", "radius": 0.1}},
-        },
-        "stool": {
-            "role": "object",
-            "shape": {"kind": "disc", "radius": 0.1},
-            "pose": {"x": 40.0},
-            "motion": {"kind": "free"},
-            "support": {
+        "cup": lying(30.0, {"friction": 0.5, "gravity": 9.81, "pressure": {"kind": "ring", "radius": 0.1}}),
+        "stool": lying(
+            40.0,
+            {
                 "friction": 0.5,
                 "load": 9.81,
                 "pressure": {"kind": "points", "points": [[0.1, 0.0], [-0.1, 0.0]], "weights": [1.0, 2.0]},
             },
-        },
-        "ball": {
-            "role": "object",
-            "shape": {"kind": "disc", "radius": 0.1},
-            "pose": {"x": 50.0},
-            "motion": {"kind": "free"},
-            "support": {"friction": 0.5, "load": 9.81, "pressure": {"kind": "ratio", "ratio": 0.1}},
-        },
+        ),
+        "ball": lying(50.0, {"friction": 0.5, "load": 9.81, "pressure": {"kind": "ratio", "ratio": 0.1}}),
         "wedge": {
             "role": "obstacle",
             "shape": {

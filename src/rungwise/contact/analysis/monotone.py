@@ -20,17 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.judge.farkas import (
-    CLOSED,
-    HULL,
-    INSIDE,
-    LOWER,
-    OPEN,
-    SLIPS,
-    STICK,
-    UPPER,
-    Mode,
-)  # fmt: skip
+from rungwise.contact.judge import farkas
+from rungwise.contact.judge.farkas import Mode
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
 
@@ -80,21 +71,22 @@ def widest(system: System, point: Array) -> Mode:
     for k, mu in enumerate(s.mu):
         normal, slip = y[k * d], y[k * d + 1 : (k + 1) * d]
         if normal > room:
-            mode.append(OPEN)
+            mode.append(farkas.OPEN)
         elif mu == 0.0 or d == 1:
-            mode.append(CLOSED)
+            mode.append(farkas.CLOSED)
         elif (np.abs(slip) <= room).all():
-            mode.append(STICK)
+            mode.append(farkas.STICK)
         else:
-            mode.append(next(piece for piece, sign in SLIPS[d].items() if (slip * sign >= 0.0).all()))
+            pieces = farkas.SLIPS[d].items()
+            mode.append(next(piece for piece, sign in pieces if (slip * sign >= 0.0).all()))
     for j, (lower, upper) in enumerate(zip(s.lower, s.upper, strict=True)):
         rate = y[s.rows + j]
         if np.isneginf(lower) and np.isposinf(upper):
-            mode.append(HULL)
+            mode.append(farkas.HULL)
         elif lower == upper:
-            mode.append(LOWER)
+            mode.append(farkas.LOWER)
         else:
-            mode.append(INSIDE if abs(rate) <= room else LOWER if rate > 0.0 else UPPER)
+            mode.append(farkas.INSIDE if abs(rate) <= room else farkas.LOWER if rate > 0.0 else farkas.UPPER)
     return tuple(mode)
 
 
@@ -107,19 +99,19 @@ def demands(system: System, point: Array, own: Mode, mode: Mode) -> Demands | No
     y = s.matrix() @ point + s.b
     found: dict[int, list[int]] = {0: [], 1: [], -1: []}
     for k, mu in enumerate(s.mu):
-        if mu == 0.0 or d == 1 or (own[k] != STICK and mode[k] == OPEN and own[k] == OPEN):
+        if mu == 0.0 or d == 1 or own[k] == mode[k] == farkas.OPEN:
             continue
         normal, tangent = k * d, k * d + 1
-        slips = [int(sign) for (sign,) in SLIPS[2].values()]
-        if mode[k] in SLIPS[2]:
-            slips = [int(SLIPS[2][mode[k]][0])]
-        if own[k] == STICK:
-            if mode[k] != STICK:
+        slips = [int(sign) for (sign,) in farkas.SLIPS[2].values()]
+        if mode[k] in farkas.SLIPS[2]:
+            slips = [int(farkas.SLIPS[2][mode[k]][0])]
+        if own[k] == farkas.STICK:
+            if mode[k] != farkas.STICK:
                 found[slips[0] if len(slips) == 1 else 0].append(tangent)
-        elif own[k] == OPEN:
+        elif own[k] == farkas.OPEN:
             if any(y[normal] < mu * slip * y[tangent] for slip in slips):
                 return None
-        elif mode[k] == OPEN or (mode[k] in SLIPS[2] and mode[k] != own[k]):
+        elif mode[k] == farkas.OPEN or (mode[k] in farkas.SLIPS[2] and mode[k] != own[k]):
             found[0].append(normal)
         else:
             return None

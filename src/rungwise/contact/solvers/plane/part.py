@@ -37,6 +37,11 @@ class Part(NamedTuple):
     quantum: float
 
 
+@inner_kernel
+def sizes_of(part: Part) -> Sizes:
+    return Sizes(len(part.c), len(part.mu), len(part.F))
+
+
 class Cut(NamedTuple):
     """Islands of a part, one after another: velocities (n,), contacts (k,) and limited (b,) list what belongs
     to them, start (islands + 1, 3) says where those of each begin; place (n,) of a velocity in its island."""

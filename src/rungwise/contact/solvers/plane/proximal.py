@@ -17,8 +17,8 @@ from rungwise.contact.block_factors import Factors, add, substitute
 from rungwise.contact.least_degree import Pattern
 from rungwise.contact.solvers.plane.flips import flip
 from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
-from rungwise.contact.solvers.plane.part import Part
-from rungwise.contact.step.problem import Sizes, Unknowns
+from rungwise.contact.solvers.plane.part import Part, sizes_of
+from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import (
     MAX_FLIPS,
     MAX_ROUNDS,
@@ -60,7 +60,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle or
     halt (1,) is set."""
     n, contacts, limited = len(part.c), len(part.mu), len(part.F)
-    sizes, v, rows = Sizes(n, contacts, limited), unknowns.v, 2 * contacts + limited
+    sizes, v, rows = sizes_of(part), unknowns.v, 2 * contacts + limited
     soft = Yielding(
         np.empty(n), np.empty(rows), np.empty(rows), np.empty(2 * rows), np.empty(rows), np.empty(n)
     )
@@ -74,7 +74,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     for _ in range(MAX_ROUNDS):
         if halt[0] != 0:
             break
-        if not _settle(part, sizes, last, symmetric, soft, matrix, unknowns):
+        if not _settle(part, last, symmetric, soft, matrix, unknowns):
             if last.rho >= MOST:
                 break
             last = stiffer(last)
@@ -93,16 +93,10 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
 
 @kernel
 def _settle(
-    part: Part,
-    sizes: Sizes,
-    now: Round,
-    symmetric: bool,
-    soft: Yielding,
-    matrix: Factors,
-    unknowns: Unknowns,
+    part: Part, now: Round, symmetric: bool, soft: Yielding, matrix: Factors, unknowns: Unknowns
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `symmetric`: H is."""
-    groups, factored = len(part.first) - 1, now.factored
+    sizes, groups, factored = sizes_of(part), len(part.first) - 1, now.factored
     for flips in range(TURNS * MAX_FLIPS):
         if not factored:
             impose(part.mu, part.F, sizes, unknowns)
