@@ -106,9 +106,12 @@ def _pushed(data: Data, draw: Draw) -> None:
         part["pose"]["x"] + far * (x * math.cos(by) - y * math.sin(by)),
         part["pose"]["y"] + far * (x * math.sin(by) + y * math.cos(by)),
     )
-    data["goal"] = (
-        f"hypot(part.x - {gone[0]!r}, part.y - {gone[1]!r}) <= {near} and abs(part.angle - {turned!r}) <= 0.1"
-    )
+    data["goal"] = _placed(*gone, near, turned, 0.1)
+
+
+def _placed(x: float, y: float, near: float, turned: float, within: float) -> str:
+    """The part is near to a place, and turned by an angle up to some error."""
+    return f"hypot(part.x - {x!r}, part.y - {y!r}) <= {near!r} and abs(part.angle - {turned!r}) <= {within!r}"
 
 
 def _pivoted(data: Data, draw: Draw) -> None:
@@ -119,10 +122,7 @@ def _pivoted(data: Data, draw: Draw) -> None:
     wall["shape"]["height"] = draw.about(wall["shape"]["height"])
     wall["pose"]["y"] = wall["shape"]["height"] / 2
     _fingers(data, draw)
-    data["goal"] = (
-        f"hypot(part.x + {height / 2!r}, part.y - {width / 2!r}) <= {0.1 * width!r}"
-        " and abs(part.angle + 1.5708) <= 0.35"
-    )
+    data["goal"] = _placed(-height / 2, width / 2, 0.1 * width, -1.5708, 0.35)
 
 
 def _rolled(data: Data, draw: Draw) -> None:
@@ -130,11 +130,7 @@ def _rolled(data: Data, draw: Draw) -> None:
     width, height = _sized(data, draw)
     data["bodies"]["part"]["pose"] = {"x": 0, "y": height / 2, "angle": 0}
     _fingers(data, draw)
-    near = 0.085 * width
-    data["goal"] = (
-        f"hypot(part.x - {draw.between(-0.2, 0.2) * width!r}, part.y - {width / 2!r}) <= {near!r}"
-        " and abs(part.angle + 1.5708) <= 0.17"
-    )
+    data["goal"] = _placed(draw.between(-0.2, 0.2) * width, width / 2, 0.085 * width, -1.5708, 0.17)
 
 
 def _tilted(data: Data, draw: Draw) -> None:
@@ -144,10 +140,7 @@ def _tilted(data: Data, draw: Draw) -> None:
     _fingers(data, draw)
     angle = draw.about(math.pi / 4)
     c, s = math.cos(angle), math.sin(angle)
-    data["goal"] = (
-        f"hypot(part.x - {(width * c + height * s) / 2!r}, part.y - {(width * s + height * c) / 2!r})"
-        f" <= 0.01 and abs(part.angle + {angle!r}) <= 0.1"
-    )
+    data["goal"] = _placed((width * c + height * s) / 2, (width * s + height * c) / 2, 0.01, -angle, 0.1)
 
 
 def _stood(data: Data, draw: Draw) -> None:
@@ -177,9 +170,7 @@ def _around_a_bend(data: Data, draw: Draw) -> None:
         else:
             place["default"] = away
     goal = (draw.between(1.35, 1.45), draw.between(1.4, 1.5))
-    data["goal"] = (
-        f"hypot(part.x - {goal[0]!r}, part.y - {goal[1]!r}) <= 0.05 and abs(part.angle - 1.5708) <= 0.3"
-    )
+    data["goal"] = _placed(*goal, 0.05, 1.5708, 0.3)
 
 
 def _turned_on_the_spot(data: Data, draw: Draw) -> None:
