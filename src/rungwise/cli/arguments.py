@@ -22,6 +22,11 @@ def numeric(name: str, about: str, metavar: str = "NUMBER") -> Any:
     return typer.Option(name, parser=number, metavar=metavar, help=about)
 
 
+def path(name: str, about: str) -> Any:
+    """An option whose value is a file or a folder."""
+    return typer.Option(name, help=about)
+
+
 def number(text: str) -> float:
     try:
         return float(text)

@@ -33,9 +33,7 @@ def compare(
     ] = None,
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
-    ] = None,
+    out: Annotated[Path | None, arg.path("--out", "Folder for the answer and its counterexamples.")] = None,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip

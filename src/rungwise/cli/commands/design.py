@@ -36,7 +36,7 @@ def design(
         Path | None, typer.Option("--out", help="Scene file with the best values as defaults.")
     ] = None,
     force: arg.ForceOption = False,
-    png: Annotated[Path | None, typer.Option("--png", help="Picture: how far each may drift.")] = None,
+    png: Annotated[Path | None, arg.path("--png", "Picture: how far each may drift.")] = None,
     threads: arg.ThreadsOption = None,
     as_json: arg.JsonOption = False,
 ) -> int:

@@ -34,7 +34,7 @@ def doomed(
     ] = "slowest",
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the set and the figure.")] = None,
+    out: Annotated[Path | None, arg.path("--out", "Folder for the set and the figure.")] = None,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip

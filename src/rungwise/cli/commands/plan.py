@@ -51,10 +51,10 @@ def plan(
     ] = None,
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
-    initial: Annotated[Path | None, typer.Option("--initial", help="A saved plan to begin with.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="File for the plan (JSON).")] = None,
+    initial: Annotated[Path | None, arg.path("--initial", "A saved plan to begin with.")] = None,
+    out: Annotated[Path | None, arg.path("--out", "File for the plan (JSON).")] = None,
     force: arg.ForceOption = False,
-    table: Annotated[Path | None, typer.Option("--csv", help="File for the time table of inputs.")] = None,
+    table: Annotated[Path | None, arg.path("--csv", "File for the time table of inputs.")] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
     """Plan the task of a scene on one model after the other; says what breaks on the way.

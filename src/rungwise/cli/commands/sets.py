@@ -41,17 +41,13 @@ def sets(
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
     ] = 0,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
-    ] = None,
+    out: Annotated[Path | None, arg.path("--out", "Folder for batches, sets and the figure.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
     force: arg.ForceOption = False,
     html: Annotated[
         Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
     ] = None,
-    table: Annotated[
-        Path | None, typer.Option("--csv", help="Table of all runs and boundary points.")
-    ] = None,
+    table: Annotated[Path | None, arg.path("--csv", "Table of all runs and boundary points.")] = None,
     mesh: Annotated[
         Path | None,
         typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),

@@ -38,7 +38,7 @@ def sim(
         typer.Option("--inputs", help="YAML file: a list of segments for the scene's inputs over time."),
     ] = None,
     limit: arg.LimitOption = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
+    out: Annotated[Path | None, arg.path("--out", "Folder for trajectory and summary.")] = None,
     force: arg.ForceOption = False,
     save_hard: Annotated[
         Path | None,

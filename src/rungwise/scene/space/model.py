@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -160,3 +161,14 @@ def _is_number(element: Any, name: str) -> bool:
     if isinstance(value, np.ndarray):
         return bool(value.dtype.kind == "f")
     return isinstance(value, float)
+
+
+def of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same bodies with mass 1 each and the same radii of gyration."""
+    unit = copy.copy(model)
+    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
+    unit.body_inertia[:] = model.body_inertia / mass[:, None]
+    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
+    unit.dof_armature[:] = 0.0
+    unit.tendon_armature[:] = 0.0
+    return unit

@@ -20,6 +20,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
+from rungwise.scene.space.model import of_unit_mass
 
 if TYPE_CHECKING:
     import mujoco
@@ -80,7 +81,7 @@ class _Search:
         for margin in (m.geom_margin, m.pair_margin, m.jnt_margin, m.tendon_margin):
             np.maximum(margin, near, out=margin)
         m.geom_gap[:], m.pair_gap[:] = 0.0, 0.0
-        self.unit = _of_unit_mass(m)
+        self.unit = of_unit_mass(m)
         self.unit_data = mujoco.MjData(self.unit)
         mujoco.mj_setConst(self.unit, self.unit_data)
         self.lever = self._levers()
@@ -226,14 +227,3 @@ def _nearest(metric: Reals, demands: _Demands, gone: Reals) -> Reals:
     left = system @ multipliers - right
     moved = -left[: len(metric)] / left[-1] * scale
     return np.asarray(solve_triangular(root, moved, lower=True, trans="T") - gone)
-
-
-def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same bodies with mass 1 each and the same radii of gyration."""
-    unit = copy.copy(model)
-    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
-    unit.body_inertia[:] = model.body_inertia / mass[:, None]
-    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
-    unit.dof_armature[:] = 0.0
-    unit.tendon_armature[:] = 0.0
-    return unit

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals, steady
+from rungwise.scene.space.model import of_unit_mass
 from rungwise.system.moving import Moment, fall_freely
 from rungwise.system.spatial.drives import Drives, fill_moments
 from rungwise.system.spatial.spins import spins, turn_freely
@@ -63,7 +63,7 @@ class Loads:
     def _fill_metric(self, q: Reals, terms: Terms) -> None:
         """M of the same bodies with mass 1 each."""
         if self._unit is None:
-            model = _of_unit_mass(self.model)
+            model = of_unit_mass(self.model)
             self._unit = model, self._mujoco.MjData(model)
             self._mujoco.mj_setConst(*self._unit)  # it keeps M of bodies whose M is constant
         model, data = self._unit
@@ -122,17 +122,6 @@ def _stretches(m: mujoco.MjModel, drags: bool) -> Ints:
         return np.tile(np.array([0, m.nv]), (m.nv, 1))
     first = m.tree_dofadr[m.dof_treeid]
     return np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
-
-
-def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same bodies with mass 1 each and the same radii of gyration."""
-    unit = copy.copy(model)
-    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
-    unit.body_inertia[:] = model.body_inertia / mass[:, None]
-    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
-    unit.dof_armature[:] = 0.0
-    unit.tendon_armature[:] = 0.0
-    return unit
 
 
 def tendon_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Reals:
