@@ -220,7 +220,7 @@ def draw_if_possible(path: Path, ratios: Sequence[float], bisections: int) -> bo
     except ImportError:
         print("No figure: matplotlib is not installed (pip install -e .[view])", file=sys.stderr)
         return False
-    from rungwise.viewing.plane.family import Family, draw_families
+    from families import Family, draw_families
 
     families = []
     for panel in PANELS:
