@@ -48,7 +48,7 @@ def test_phases_are_what_happens() -> None:
     places = np.concatenate([state[:, None, :3], run.q], axis=1)
     known = {name: DEVIATIONS[name] for name in NAMES}
     motions = rw.Motions(NAMES, 0.004 * np.arange(101), places, deviations=known)
-    options = Options(None, 10, None, 1e-3, 1, 0)
+    options = Options(None, 10, None, None, 1, 0)
     one = prepare(SCENE, rw.DYNAMIC_RIGID, motions, OVER, None, None, options)
     short = one.predictor(one.short(), NEVER)
     which = phase_of(short, one.layout, np.array([0.5, 0.0]))

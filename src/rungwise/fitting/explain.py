@@ -146,7 +146,7 @@ def explain(
     span: float | None = None,
     moments: int = MOMENTS,
     step: float | None = None,
-    tol: float | None = 1e-3,
+    tol: float | None = None,
     limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,

@@ -30,7 +30,7 @@ def fit(
     span: float | None = None,
     moments: int = MOMENTS,
     step: float | None = None,
-    tol: float | None = 1e-3,
+    tol: float | None = None,
     limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -53,7 +53,8 @@ def fit(
         span: how long runs last, in the scene's time; a quarter of the median trial if not given, and whole
             trials where it is `inf`.
         moments: frames of a span that are compared, at most.
-        step, tol, threads: as for `rollout`.
+        step, tol, threads: as for `rollout`; where neither step nor tol is given, tol is a thousandth of
+            the size of what moves; in space, where steps are of the first order, a smaller one pays.
         limit: seconds after which the best so far is returned; see `Fit.unfinished`.
         out: a folder in which every finished batch of runs is kept; with `resume` a fit that was stopped goes
             on from these.

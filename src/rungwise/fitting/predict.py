@@ -55,7 +55,7 @@ class Predictor:
 
     def on(self, spans: Spans) -> Predictor:
         """The same on other spans."""
-        found = object.__new__(Predictor)
+        found = object.__new__(type(self))
         vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial))})
         return found
 
@@ -102,6 +102,7 @@ class Predictor:
         return found
 
     def _run(self, points: Reals, shifts: Reals | None) -> Predicted:
+        """The same by runs."""
         spans, (p, s) = self.spans, (len(points), len(self.spans.trial))
         n = spans.q.shape[1]
         starts = np.zeros((p, s, n + spans.v.shape[1]))
@@ -109,6 +110,18 @@ class Predictor:
             change = np.zeros(starts.shape[2]) if shifts is None else shifts[i]
             starts[i, :, :n] = self._starts(point, spans.q + change[:n])
             starts[i, :, n:] = spans.v + change[n:]
+        q, ended = self.places(points, starts)
+        if self._deadline.is_over:
+            raise TimeOver("in the runs of a fit")
+        errors = self.compared.errors(q, spans.aims)
+        errors[:, ~spans.counts] = 0.0
+        return Predicted(errors, ended)
+
+    def places(self, points: Reals, starts: Reals) -> tuple[Reals, NDArray[np.bool_]]:
+        """Places (p, s, g, n_q) at the moments of runs from starts (p, s, n_q + n_v), and which of them came
+        to their ends (p, s). Where another simulator makes them, it is fitted by the same code."""
+        spans, (p, s) = self.spans, starts.shape[:2]
+        n = spans.q.shape[1]
         given: dict[str, Any] = dict(self._given)
         given |= {name: np.tile(spans.values[:, j], p) for j, name in enumerate(spans.known)}
         given |= {name: np.repeat(points[:, j], s) for j, name in enumerate(self.over)}
@@ -121,12 +134,8 @@ class Predictor:
             self.model, wanted, self._options, keep=True, budget=None, threads=self._threads, chunk=None,
             deadline=self._deadline, on_progress=None,
         )  # fmt: skip
-        if self._deadline.is_over:
-            raise TimeOver("in the runs of a fit")
         q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)
-        errors = self.compared.errors(q, spans.aims)
-        errors[:, ~spans.counts] = 0.0
-        return Predicted(errors, np.isin(found.outcome, STOPPED).reshape(p, s))
+        return q, np.isin(found.outcome, STOPPED).reshape(p, s)
 
     def _starts(self, point: Reals, q: Reals) -> Reals:
         """Starts (s, n_q) at a point, without overlaps."""

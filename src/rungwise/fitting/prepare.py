@@ -23,7 +23,10 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
+from rungwise.world.find import world_of
 
+FINE = 1e-3
+"""Error allowed per step, as a part of the size of what moves: coarser steps damp, and errors add up."""
 SHORT = 5
 """Short spans, by which phases are told apart, in one of the default length; and their moments."""
 
@@ -53,11 +56,18 @@ class Prepared:
     layout: Layout
     options: Options
 
+    @property
+    def tol(self) -> float | None:
+        """The error allowed per step: as given, or by the size of what moves."""
+        if self.options.tol is not None or self.options.step is not None:
+            return self.options.tol
+        return FINE * world_of(self.scene).at(self.given).moved.size
+
     def predictor(self, spans: Spans, deadline: Deadline, log: Log | None = None) -> Predictor:
         """What runs the spans."""
         return Predictor(
             self.scene, self.rung, spans, self.layout.compared, self.box.names, self.given,
-            tol=self.options.tol, step=self.options.step, threads=self.options.threads, deadline=deadline,
+            tol=self.tol, step=self.options.step, threads=self.options.threads, deadline=deadline,
             log=log,
         )  # fmt: skip
 
@@ -82,7 +92,7 @@ class Prepared:
             "inertia": self.rung.inertia, "motions": _digest(self.motions), "over": list(self.box.names),
             "low": self.box.low.tolist(), "high": self.box.high.tolist(), "parameters": self.given,
             "span": str(options.span), "moments": options.moments, "step": str(options.step),
-            "tol": str(options.tol), "seed": options.seed,
+            "tol": str(self.tol), "seed": options.seed,
         }  # fmt: skip
         return Log(Path(out), request, resume)
 

@@ -147,8 +147,9 @@ def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
     for four in layout.compared.turns:
         counts &= np.isfinite(aims[..., four]).all(axis=-1)
     finite = np.isfinite(v).all(axis=1)
+    aims = np.where(counts[..., None], aims, q[:, None])
     whole = Spans(
-        np.array([each.trial for each in found]), q, v, durations, np.nan_to_num(aims), counts, since,
+        np.array([each.trial for each in found]), q, v, durations, aims, counts, since,
         known + inputs, values, inputs, levels, first,
     )  # fmt: skip
     return whole.take(np.flatnonzero(finite & counts.any(axis=1)))

@@ -203,8 +203,8 @@ class Search:
         open_ |= dict.fromkeys(self._fixed, f"no run of {whole.model.name} depends on it")
         if sure is not None:
             defaults = self._prepared.scene.parameters(self._prepared.given)
-            for name, (low, high) in zip(box.names, sure.explains.tolist(), strict=True):
-                if name in open_ and low <= defaults[name] <= high:
+            for name, explains, *whole_box in zip(box.names, sure.explains, box.low, box.high, strict=True):
+                if name in open_ and np.allclose(explains, whole_box):
                     values[name] = defaults[name]  # as good as any
         best = 0.0 if self._state is None else self._state.best.loss
         return Fit(

@@ -32,7 +32,9 @@ def fit(
     held_out: Annotated[
         float, arg.numeric("--held-out", "With --model all: the part of the trials to score on.")
     ] = 0.5,
-    tol: Annotated[float, arg.numeric("--tol", "Error allowed per step of a run.")] = 1e-3,
+    tol: Annotated[
+        float | None, arg.numeric("--tol", "Error allowed per step; a thousandth of what moves if not given.")
+    ] = None,
     limit: arg.LimitOption = None,
     seed: arg.SeedOption = 0,
     threads: arg.ThreadsOption = None,

@@ -1,0 +1,226 @@
+"""Motions of real objects: every dynamic rung and other simulators, fitted and scored by the same code.
+
+    python benchmarks/real.py FOLDER [--only tosses squares ellipses] [--trials N] [--seed N] [--json FILE]
+
+FOLDER holds the published sets as arrays (`tosses.npz`, `squares.npz`, `ellipses.npz`; sources and licences
+in docs/real.md). Half of N trials are fitted, the others held out: by spans of a quarter of a trial, and, in
+the last columns, by whole trials. Errors are means over the trials held out, with 95 % intervals (bootstrap
+over trials). An engine that is not installed is left out (`pip install .[race]` has them all).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import real_peers as peers  # beside this file
+
+import rungwise as rw
+from rungwise.deadline import NEVER
+from rungwise.fitting.prepare import Options, prepare
+from rungwise.fitting.score import Mean, by_trial, mean_of, sizes
+from rungwise.fitting.stages import Search
+
+DATA = Path(__file__).parent.parent / "examples" / "data"
+RIGID, COMPLIANT = "dynamic-rigid", "dynamic-compliant"
+FRAMES = 148.0
+"""Frames a second of the tosses."""
+AFTER = 5e-3
+"""Seconds after an impact of an ellipse by which its velocity is compared: short enough for no other one."""
+HALF_AXES = (0.035, 0.025)
+
+
+@dataclass(frozen=True)
+class Real:
+    """Measured motions of one object: scene, motions, size (m) by which errors of place are divided, what
+    each rung is fitted over, and makers of other engines."""
+
+    name: str
+    scene: Any
+    motions: rw.Motions
+    size: float
+    over: dict[str, tuple[str, ...]]
+    engines: dict[str, Callable[[], Any]] = field(default_factory=dict)
+    span: float | None = None
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Line:
+    """What one engine makes of one set."""
+
+    data: str
+    engine: str
+    values: dict[str, float]
+    place: Mean
+    turn: Mean
+    place_whole: Mean
+    turn_whole: Mean
+    wall_s: float
+
+
+def tosses(folder: Path, trials: int) -> Real:
+    """Tosses of a cube (Pfrommer, Halm, Posa 2020)."""
+    kept = np.load(folder / "tosses.npz")
+    every = [kept[name] for name in kept.files[:trials]]
+    scene = peers.with_parameters(DATA / "cube_toss.yaml")
+    motions = rw.Motions(
+        scene.template.coordinates, [np.arange(len(x)) / FRAMES for x in every],
+        [np.hstack([x[:, 4:7], x[:, :4]]) for x in every],
+        [np.hstack([x[:, 10:13], x[:, 7:10]]) for x in every],
+        rates=[f"cube.{name}" for name in ("x", "y", "z", "rx", "ry", "rz")],
+    )  # fmt: skip
+    over = {RIGID: ("mu", "e"), COMPLIANT: ("mu", "K", "C"), "mujoco": SOLREF}
+    file = str(DATA / "cube_toss.xml")
+    return Real(
+        "tosses",
+        scene,
+        motions,
+        0.1048,
+        over,
+        {"mujoco": lambda: peers.mujoco_space(file)},
+        step=0.5 / FRAMES,
+    )
+
+
+def squares(folder: Path, trials: int) -> Real:
+    """Drops of a square in a vertical plane (Fazeli and others 2017)."""
+    kept = np.load(folder / "squares.npz")
+    every = [kept[name] for name in kept.files[:trials]]
+    scene = peers.with_parameters(DATA / "square_drop.yaml")
+    motions = rw.Motions(
+        scene.template.coordinates, 0.004 * np.arange(len(every[0])), [x[:, :3] for x in every],
+        [x[:, 3:] for x in every],
+    )  # fmt: skip
+    side = 0.03
+    corners = np.array([(-side, -side), (side, -side), (side, side), (-side, side)])
+    return Real("squares", scene, motions, 0.06, _planar(), _engines(peers.Outline(corners, 6e-4, "table")))
+
+
+def ellipses(folder: Path, trials: int) -> Real:
+    """Single impacts of an ellipse (Fazeli and others 2017): velocities after, from those before."""
+    kept = np.load(folder / "ellipses.npz")
+    rows = kept["states"][~kept["flags"].astype(bool).any(axis=1)][:trials]
+    a, b = HALF_AXES
+    inertia = (a * a + b * b) / 4.0
+    turns = 2.0 * math.pi * np.arange(96) / 96
+    corners = np.column_stack([a * np.cos(turns), b * np.sin(turns)])
+    before = rows[:, :6].copy()
+    before[:, 1] = np.max(
+        -(np.sin(rows[:, 2:3]) * corners[:, 0] + np.cos(rows[:, 2:3]) * corners[:, 1]), axis=1
+    )
+    since = AFTER * np.arange(3) / 2.0
+    places = before[:, None, :3] + rows[:, None, 9:] * since[:, None]
+    places[..., 1] -= 0.5 * peers.GRAVITY * since**2
+    speeds = np.concatenate([before[:, None, 3:], np.repeat(rows[:, None, 9:], 2, axis=1)], axis=1)
+    data = dict(rw.load(DATA / "square_drop.yaml").file.model_dump(mode="json", exclude_unset=True))
+    shape = {"kind": "polygon", "vertices": corners.tolist()}
+    part = data["bodies"].pop("square") | {"shape": shape, "inertia": f"mass * {inertia}"}
+    table = data["bodies"]["table"] | {"pose": {"y": 0.0}}
+    data |= {"name": "ellipse_impact", "bodies": {"ellipse": part, "table": table}}
+    data["contacts"] = [data["contacts"][0] | {"between": ["ellipse", "table"]}]
+    scene = rw.load(data | {"parameters": data["parameters"] | peers.PARAMETERS})
+    known = {"x": 0.02 * AFTER, "y": 0.02 * AFTER, "angle": 0.5 * AFTER}
+    known = {f"ellipse.{name}": x for name, x in known.items()} | {
+        "speed(ellipse.x)": 0.02, "speed(ellipse.y)": 0.02, "speed(ellipse.angle)": 0.5,
+    }  # fmt: skip
+    motions = rw.Motions(scene.template.coordinates, since, places, speeds, deviations=known)
+    outline = peers.Outline(corners, inertia)
+    engines = {name: make for name, make in _engines(outline).items() if name != "box2d"}
+    return Real("ellipses", scene, motions, AFTER, _planar(), engines, math.inf)
+
+
+SOLREF = ("friction", "time_constant", "damping_ratio")
+
+
+def _planar() -> dict[str, tuple[str, ...]]:
+    bounce = ("friction", "bounce")
+    return {
+        RIGID: ("mu", "e"), COMPLIANT: ("mu", "K", "C"), "mujoco": SOLREF, "box2d": bounce, "pymunk": bounce,
+    }  # fmt: skip
+
+
+def _engines(part: peers.Outline) -> dict[str, Callable[[], Any]]:
+    made = {"mujoco": peers.mujoco_plane, "box2d": peers.box2d, "pymunk": peers.pymunk}
+    modules = {"mujoco": "mujoco", "box2d": "Box2D", "pymunk": "pymunk"}
+    return {name: (lambda m=make: m(part)) for name, make in made.items() if find_spec(modules[name])}
+
+
+SETS = {"tosses": tosses, "squares": squares, "ellipses": ellipses}
+
+
+def measured(real: Real, seed: int) -> list[Line]:
+    """All engines on one set."""
+    train, test = real.motions.split(0.5, seed=seed)
+    return [_line(real, name, train, test, seed) for name in (RIGID, COMPLIANT, *real.engines)]
+
+
+def _line(real: Real, name: str, train: rw.Motions, test: rw.Motions, seed: int) -> Line:
+    """One engine, fitted on some trials and scored on others."""
+    options = Options(real.span, 10, real.step, None, None, seed)
+    rung = rw.DYNAMIC_COMPLIANT if name == COMPLIANT else rw.DYNAMIC_RIGID
+    engine = real.engines[name]() if name in real.engines else None
+
+    def prepared(motions: rw.Motions, span: float | None) -> Any:
+        own = prepare(real.scene, rung, motions, real.over[name], None, None, replace(options, span=span))
+        return own if engine is None else peers.with_peer(own, engine)
+
+    fit = Search(prepared(train, real.span), NEVER, None).found()
+    point = np.array([fit.values[each] for each in fit.over])
+    errors = []
+    for span in dict.fromkeys((real.span, math.inf)):
+        one = prepared(test, span)
+        runs = one.predictor(one.spans(), NEVER)
+        found = sizes(one.scene, one.layout.compared, runs(point[None]).errors[0])
+        if real.name == "ellipses":
+            found = type(found)(*(each[:, -1:] / AFTER * np.ones_like(each) for each in found))
+        errors += [mean_of(by_trial(runs.spans, each)) for each in found[:2]]
+    return Line(real.name, name, fit.values, *(errors * 2)[:4], wall_s=fit.wall_s)
+
+
+def table(lines: list[Line]) -> str:
+    """Lines of a page."""
+    found = [
+        "| set | engine | parameters | place | turn, rad | place, whole | turn, whole |",
+        "|" + "---|" * 7,
+    ]
+    for line in lines:
+        values = ", ".join(f"{name} {value:.3g}" for name, value in line.values.items())
+        unit = "m/s" if line.data == "ellipses" else "mm"
+        scale = 1.0 if line.data == "ellipses" else 1e3
+        places = [_shown(each, scale) + f" {unit}" for each in (line.place, line.place_whole)]
+        turns = [_shown(each) for each in (line.turn, line.turn_whole)]
+        cells = (line.data, line.engine, values, places[0], turns[0], places[1], turns[1])
+        found.append("| " + " | ".join(cells) + " |")
+    return "\n".join(found)
+
+
+def _shown(mean: Mean, scale: float = 1.0) -> str:
+    return f"{mean.value * scale:.3g} ({mean.lower * scale:.3g} to {mean.upper * scale:.3g})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="+", choices=SETS, default=list(SETS))
+    parser.add_argument("--trials", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    lines: list[Line] = []
+    for name in given.only:
+        lines += measured(SETS[name](given.folder, given.trials), given.seed)
+        print(table([line for line in lines if line.data == name]), flush=True)
+    if given.json is not None:
+        given.json.write_text(json.dumps([asdict(line) for line in lines], indent=1))
+
+
+if __name__ == "__main__":
+    main()
