@@ -126,9 +126,11 @@ def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 
 def test_piles_are_timed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     benchmark = script("benchmarks/piles.py", monkeypatch)
-    benchmark.main(["--bodies", "21", "36", "--steps", "3"])
+    monkeypatch.setattr(benchmark, "FALLEN", 20)
+    benchmark.main(["--bodies", "21", "36", "--steps", "3", "--fall", "22"])
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 7 and lines[1].split()[:3] == ["21", "72", "dynamic-rigid"]
+    assert len(lines) == 10 and lines[1].split()[:3] == ["21", "72", "dynamic-rigid"]
+    assert lines[8].split()[:2] == ["22", "dynamic-rigid"]
 
 
 def test_places_of_the_pin_of_the_part_feeder(

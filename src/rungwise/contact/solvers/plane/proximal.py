@@ -56,9 +56,9 @@ class Yielding(NamedTuple):
 
 
 @allocating_kernel
-def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle or
-    halt (1,) is set."""
+def solve_part(part: Part, unknowns: Unknowns, enough: float, turns: int, halt: Ints) -> float:
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle in so
+    many turns or halt (1,) is set."""
     n, contacts, limited = len(part.c), len(part.mu), len(part.F)
     sizes, v, rows = sizes_of(part), unknowns.v, 2 * contacts + limited
     soft = Yielding(
@@ -74,7 +74,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     for _ in range(MAX_ROUNDS):
         if halt[0] != 0:
             break
-        if not _settle(part, last, symmetric, soft, matrix, unknowns):
+        if not _settle(part, last, turns, symmetric, soft, matrix, unknowns):
             if last.rho >= MOST:
                 break
             last = stiffer(last)
@@ -93,11 +93,17 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
 
 @kernel
 def _settle(
-    part: Part, now: Round, symmetric: bool, soft: Yielding, matrix: Factors, unknowns: Unknowns
+    part: Part,
+    now: Round,
+    turns: int,
+    symmetric: bool,
+    soft: Yielding,
+    matrix: Factors,
+    unknowns: Unknowns,
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `symmetric`: H is."""
     sizes, groups, factored = sizes_of(part), len(part.first) - 1, now.factored
-    for flips in range(TURNS * MAX_FLIPS):
+    for flips in range(turns * MAX_FLIPS):
         if not factored:
             impose(part.mu, part.F, sizes, unknowns)
             _give(part, now.rho, soft.give)
