@@ -21,6 +21,9 @@ ORDER = (0, 2, 1)
 """Coordinates along x, y and z of the picture."""
 
 
+BEYOND = "lost run without the rule, to its end"
+
+
 @dataclass(frozen=True)
 class Family:
     """Runs of one scene that differ in a ratio, and the intervals of that ratio that reach the goal.
@@ -47,8 +50,9 @@ def draw_families(
     `bands`."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    figure = Figure(figsize=(8.6, 10.2), dpi=150)
+    figure = Figure(figsize=(8.6, 10.7), dpi=150)
     for k, family in enumerate(families):
         left, top = 0.01 + 0.495 * (k % 2), 0.99 - 0.468 * (k // 2)
         axes = cast(
@@ -63,10 +67,13 @@ def draw_families(
     handles = [
         Line2D([], [], color=CAUGHT, lw=2, marker="o", ms=4, label="run that reaches the goal"),
         Line2D([], [], color=LOST, lw=2, marker="x", ms=5, label="run that is lost, by the scene's rule"),
-        Line2D([], [], color=LOST, lw=1.6, ls=":", label="beyond the rule: on to the palm"),
+        Line2D([], [], color=LOST, lw=1.6, ls=":", marker="o", mfc="none", label=BEYOND),
         Line2D([], [], color="#1f6fd6", lw=5, alpha=0.75, label="goal edge: both faces touched"),
+        Patch(fc="0.88", ec="0.45", label="a finger touches a face of the part"),
+        Patch(fc=CAUGHT, label="bars: ratios of speeds that catch the part"),
+        Patch(fc="0.65", label="grey bars: closed forms, and the paper"),
     ]
-    figure.legend(handles=handles, loc="lower center", ncols=2, frameon=False, fontsize=10.5)
+    figure.legend(handles=handles, loc="lower center", ncols=2, frameon=False, fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 

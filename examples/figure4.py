@@ -234,7 +234,7 @@ def draw_if_possible(path: Path, ratios: Sequence[float], bisections: int) -> bo
         families.append(Family(f"({panel.letter}) {panel.title}", scene, runs, both, beyond))
     bands = {
         "slowest motion": (0.5, 2.0),
-        "guaranteed": (guaranteed(), 1.0 / guaranteed()),
+        "every motion": (guaranteed(), 1.0 / guaranteed()),
         "paper, about": (0.7, 1.4),
     }
     draw_families(path, families, LOW, HIGH, bands, ratio_range=(ratios[0], 1.0 / ratios[0]))

@@ -222,12 +222,14 @@ def _ratios(axis: Any) -> None:
                 axis.plot(kept, _on_scale(exact) ** side, color="black", ls=(0, (2, 2)), lw=1.0)
     axis.plot([], [], color="black", ls=(0, (2, 2)), lw=1.0, label="closed form")
     axis.fill_between((0.0, 1.0), PAPER, 1.0 / PAPER, color="#fbe8b8", zorder=0, label="paper, $\\mu < 1$")
+    axis.plot([], [], " ", label="$Z_F$: speeds that catch the part")
+    axis.plot([], [], " ", label="$Z_A$: speeds that lose it")
     axis.set(yscale="log", ylim=(1.0 / 30.0, 30.0), xlim=(0.0, 1.5))
     ticks = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
     axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.minorticks_off()
     axis.set(xlabel="friction $\\mu$ of the fingers", ylabel="$v_2 / v_1$, the faster finger at 1 m/s")
-    axis.set_title("(e) where $Z_F$ ends", fontsize=11)
+    axis.set_title("(e) ratios of speeds at which $Z_F$ ends", fontsize=11)
     for x, y, text in (
         (0.12, 1.0, "$Z_F$"),
         (0.12, 14.0, "$Z_A$"),

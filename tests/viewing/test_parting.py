@@ -52,3 +52,12 @@ def test_what_cannot_be_drawn_is_one_line(found: rw.Diagnosis, tmp_path: Path) -
         rw.draw_parting(found, PUSH, tmp_path / "apart.zzz", parameters=FAST)
     with pytest.raises(rw.ViewError, match=r"parting: .* cannot be written"):
         rw.draw_parting(found, PUSH, Path("/dev/null/apart.png"), parameters=FAST)
+
+
+def test_what_is_too_little_to_be_seen_is_magnified(found: rw.Diagnosis, tmp_path: Path) -> None:
+    """Compliance moves a slow push by micrometres: an inset says how many times it is magnified."""
+    stiff = rw.diagnose(PUSH, "dynamic-rigid", "dynamic-compliant", inputs=INPUTS, parameters={"v": 0.05})
+    text = words(rw.draw_parting(stiff, PUSH, tmp_path / "stiff.svg", parameters={"v": 0.05}))
+    assert "\N{MULTIPLICATION SIGN} " in text
+    text = words(rw.draw_parting(found, PUSH, tmp_path / "far.svg", parameters=FAST))
+    assert text.count("\N{MULTIPLICATION SIGN} ") < 2

@@ -68,9 +68,10 @@ def draw_frame(
     time: float,
     view: View | None = None,
     colors: Sequence[str] | None = None,
+    touches: bool = True,
 ) -> None:
-    """Draw bodies, contact points and forces of the clips at one time, over each other; outlines have these
-    colours."""
+    """Draw bodies of the clips at one time, over each other, and with `touches` contact points and forces;
+    outlines have these colours."""
     colors = colors or ([INK] if len(clips) == 1 else MODELS)
     view = view_of(clips, [time]) if view is None else view
     x0, y0, x1, y1 = view.extent
@@ -85,7 +86,7 @@ def draw_frame(
             at = placed(np.array([[x, y]]), pose_at(clip, time)[body])
             axes.plot(*at.T, "o", mfc="white", mec=line, mew=1.6, ms=7, zorder=20)
             axes.plot(*at.T, "o", color=line, ms=2, zorder=20)
-    for index, clip in enumerate(clips):
+    for index, clip in enumerate(clips if touches else ()):
         line = "white" if len(clips) == 1 else colors[index % len(colors)]
         draw_touches(axes, arrows_at(clip, time, view.per_force, view.longest), clip.units["force"], line)
 

@@ -17,9 +17,9 @@ from rungwise.models.ladder import rung
 from rungwise.planning.diagnosis.diagnose import NOTHING, Diagnosis, Watch, both, distances
 from rungwise.planning.diagnosis.sentences import UNTOUCHED
 from rungwise.scene import Scene
-from rungwise.viewing.plane.arrows import view_of
+from rungwise.viewing.plane.arrows import View, view_of
 from rungwise.viewing.plane.clip import Clip, of_trajectory
-from rungwise.viewing.plane.draw import INK, MODELS, draw_frame, pose_at
+from rungwise.viewing.plane.draw import INK, MODELS, draw_frame, placed, pose_at, rounded
 from rungwise.viewing.plane.strip import GAP, WIDE, legend
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.world.find import world_of
@@ -35,6 +35,9 @@ ABOVE, CURVE, BELOW, LINE = 0.35, 1.1, 1.0, 0.17
 COLUMNS = 150
 """Columns of text below the title."""
 MARK = "#c1121f"
+SEEN, LEAST, INSET, INSET_SEEN = 0.012, 1e-9, 0.36, 0.25
+"""Parts of a picture's width: outlines less apart than the first are magnified, unless less than the second;
+the side of an inset, of the picture's shorter one; of the inset, how far outlines are apart in it."""
 
 
 def draw_parting(
@@ -109,6 +112,7 @@ def _figure(
         axes = figure.add_axes((left / across, bottom / high, wide / across, tall / high))
         draw_frame(axes, clips, time, view)
         _mark(axes, clips, body, time, joined=bool(k))
+        _magnified(axes, clips, body, time, view)
         shown = name if k or time == found.time else "the time asked for"
         away = np.interp(time, times, apart)
         axes.set_title(f"t = {time:.4g}, {shown}: {away:.3g} apart", fontsize=10, pad=3)
@@ -137,6 +141,45 @@ def _mark(axes: Axes, clips: Sequence[Clip], body: int, time: float, joined: boo
         axes.plot(*places.T, "o-", color=MARK, lw=1.8, ms=4, zorder=40)
     else:
         axes.plot(*places.mean(axis=0), "o", mfc="none", mec=MARK, mew=1.8, ms=22, zorder=40)
+
+
+def _magnified(axes: Axes, clips: Sequence[Clip], body: int, time: float, view: View) -> None:
+    """An inset where outlines of the body are farthest apart, if that is too little to be seen."""
+    one, other = (
+        np.concatenate([placed(rounded(each), pose_at(clip, time)[body]) for each in clip.outlines
+                        if each.body == body and not each.halfplane])
+        for clip in clips
+    )  # fmt: skip
+    away = np.linalg.norm(one - other, axis=1)
+    apart, side = float(away.max()), view.extent[2] - view.extent[0]
+    if not LEAST * side < apart < SEEN * side:
+        return
+    x, y = 0.5 * (one + other)[away.argmax()]
+    half = 0.5 * apart / INSET_SEEN
+    wide, tall = axes.bbox.width, axes.bbox.height
+    own = INSET * min(wide, tall)
+    corner = _emptiest(clips, time, view)
+    left, low = (0.5 + sign * (0.48 - 0.5 * own / length) - 0.5 * own / length
+                 for sign, length in zip(corner, (wide, tall), strict=True))  # fmt: skip
+    inset = axes.inset_axes((left, low, own / wide, own / tall))
+    close = View((x - half, y - half, x + half, y + half), 0.0, view.longest)
+    draw_frame(inset, clips, time, close, touches=False)
+    scale = own / (2.0 * half) * max(side / wide, (view.extent[3] - view.extent[1]) / tall)
+    said, back = f"\N{MULTIPLICATION SIGN} {scale:.2g}", {"fc": "white", "ec": "none", "pad": 1.0}
+    inset.text(0.04, 0.05, said, fontsize=9, transform=inset.transAxes, bbox=back, zorder=60)
+    inset.set_zorder(50)
+    axes.indicate_inset_zoom(inset, edgecolor=INK, alpha=0.8)
+
+
+def _emptiest(clips: Sequence[Clip], time: float, view: View) -> tuple[int, int]:
+    """The corner of a picture that is farthest from all bodies: -1 for left and below."""
+    x0, y0, x1, y1 = view.extent
+    places = np.concatenate([
+        placed(each.vertices, pose_at(clip, time)[each.body])
+        for clip in clips for each in clip.outlines if not each.halfplane
+    ])  # fmt: skip
+    corners = {(a, b): ((x0, x1)[a > 0], (y0, y1)[b > 0]) for a in (-1, 1) for b in (-1, 1)}
+    return max(corners, key=lambda k: float(np.linalg.norm(places - corners[k], axis=1).min()))
 
 
 def _curve(axes: Axes, times: NDArray[np.float64], apart: NDArray[np.float64], when: float | None) -> None:
