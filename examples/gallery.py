@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-FRAMES, LAST = 36, 1.6
-"""Frames of a picture, and how long the last one stays, in seconds."""
+FRAMES, LAST, READ = 36, 1.6, 6.0
+"""Frames of a picture, and how long the last one stays, in seconds; longer where six lines are to be read."""
 SECONDS = 2.4
 FINE = 3
 """Frames are drawn so many times larger, and made smaller: that smooths edges."""
@@ -162,12 +162,12 @@ def main(arguments: Sequence[str] | None = None, frames: int = FRAMES) -> int:
             file, columns = options.out / f"{name}.gif", DISAGREE
         else:
             file, columns = options.out / "gallery" / f"{name}.gif", tuple((p,) for p in GALLERY[name])
-        film(columns, file, frames)
+        film(columns, file, frames, READ if name == "disagree" else LAST)
         print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
     return 0
 
 
-def film(columns: Sequence[Panels], file: Path, frames: int) -> None:
+def film(columns: Sequence[Panels], file: Path, frames: int, last: float = LAST) -> None:
     """Run the panels and write the picture. Panels of one scene show the same part of the world."""
     from PIL import Image
 
@@ -192,7 +192,7 @@ def film(columns: Sequence[Panels], file: Path, frames: int) -> None:
     pages = [page.quantize(palette=colours, dither=Image.Dither.NONE) for page in pages]
     file.parent.mkdir(parents=True, exist_ok=True)
     pause = round(1000 * SECONDS / frames)
-    durations = [pause] * (frames - 1) + [round(1000 * LAST)]
+    durations = [pause] * (frames - 1) + [round(1000 * last)]
     pages[0].save(file, save_all=True, append_images=pages[1:], duration=durations, loop=0, optimize=True)
 
 
