@@ -10,8 +10,8 @@ import pytest
 
 import rungwise as rw
 from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes, allocate_problem
+from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
-from rungwise.simulation.core.support import solve_supported
 from rungwise.simulation.planar.state.workspace import SCALARS
 from rungwise.system.terms import allocate_terms
 

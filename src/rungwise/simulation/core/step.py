@@ -26,9 +26,9 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
+from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
-from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2

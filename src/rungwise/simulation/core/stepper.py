@@ -24,10 +24,10 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, fill_pace, take_slots
 from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
-from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
+from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
+from rungwise.simulation.core.limit_surface import without_law
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
-from rungwise.simulation.core.support import without_law
 from rungwise.simulation.core.tolerances import (
     DRIVEN,
     EXACT,

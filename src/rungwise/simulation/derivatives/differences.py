@@ -15,7 +15,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.template.records import SPEED
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.planar.state import drives
+from rungwise.simulation.planar.state import prescribed_speeds
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
@@ -103,7 +103,7 @@ class Assembly:
     def set_speeds(self) -> float:
         """Set speeds of prescribed coordinates; returns the length of the step that their travel allows."""
         run = self._simulation
-        h, _ = drives.set_speeds(
+        h, _ = prescribed_speeds.set_speeds(
             self.records, run._setting.inputs, run._bound.buffer, self.rung, self.workspace, self.h
         )
         return float(h)

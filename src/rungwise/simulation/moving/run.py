@@ -22,7 +22,6 @@ from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.inputs import condition
-from rungwise.simulation.moving.back import Begun, sooner
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
 from rungwise.simulation.moving.kind import Kind
@@ -30,6 +29,7 @@ from rungwise.simulation.moving.lasting import Times
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.moving.taken_back import Begun, sooner
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.planar.state.lasting import DATINGS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.simulation.core.resort import RAN_AWAY
+from rungwise.simulation.core.last_resort import RAN_AWAY
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.reasons.hindered import LEADING_ON
 

@@ -19,7 +19,6 @@ from typing import NamedTuple
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
-from rungwise.simulation.planar.state.drives import set_speeds
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import (
     Inputs,
@@ -34,6 +33,7 @@ from rungwise.simulation.planar.state.lasting import DATINGS, REACHED, clear_tim
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
 from rungwise.simulation.planar.state.passing import thinnest
+from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.verdicts import (
     INVALID,
     JAMMED,

@@ -18,7 +18,7 @@ from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.scene.template import records as rec
 from rungwise.simulation.core.crawl import lead_nowhere
-from rungwise.simulation.core.support import without_law
+from rungwise.simulation.core.limit_surface import without_law
 from rungwise.simulation.core.tolerances import NEAR, SINKING
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.planar.state.nearby import begin_step, gather

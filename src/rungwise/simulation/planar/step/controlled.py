@@ -12,10 +12,10 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.crawl import MEETING
-from rungwise.simulation.planar.state.drives import set_speeds
 from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, swing, widen
+from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.step.blame import vote

@@ -14,9 +14,9 @@ from rungwise.models.assemble import carried
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.core.tolerances import DRIVEN, SHORTER
-from rungwise.simulation.planar.state.drives import set_speeds
 from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.nearby import begin_step, gather
+from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.leaps import (
     SETTLING,
