@@ -2,8 +2,9 @@
 
     python benchmarks/settle.py FOLDER
 
-FOLDER holds MJCF and URDF files in any depth, as packages of robots bring them. Only files that MuJoCo loads
-and in which something can move count. Prints one line per file that does not start, and the sums.
+FOLDER holds MJCF and URDF files in any depth, as packages of robots bring them. Only files that MuJoCo loads,
+once files that they name by package are found, and in which something can move count. Prints one line per
+file that does not start, and the sums.
 """
 
 from __future__ import annotations
@@ -12,9 +13,8 @@ import argparse
 from collections import Counter
 from pathlib import Path
 
-import mujoco
-
 import rungwise as rw
+from rungwise.scene.space.model import compiled, read_spec
 
 LIMIT = 30.0
 """Seconds for one file."""
@@ -34,9 +34,10 @@ def outcome(path: Path, settle: bool) -> tuple[str, str]:
 def loads(path: Path) -> bool:
     """Whether MuJoCo loads a file, and something can move in it."""
     try:
-        return bool(mujoco.MjModel.from_xml_path(str(path)).nv)
-    except ValueError:
+        compiled(read_spec(path), path)
+    except rw.SceneError:
         return False
+    return True
 
 
 def main() -> None:

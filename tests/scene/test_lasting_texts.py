@@ -12,7 +12,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.task.reserve import tightened
-from rungwise.scene.language.lasting import momentary, parsed, written
+from rungwise.scene.language.lasting import momentary, parsed, rewritten, written
 
 PART = {"role": "object", "shape": {"kind": "disc", "radius": 0.1}, "mass": 1.0, "motion": {"kind": "free"}}
 FLOOR = {"role": "obstacle", "shape": {"kind": "halfplane"}}
@@ -142,3 +142,9 @@ def test_random_texts_with_for_are_read_back() -> None:
 def test_a_reserve_narrows_what_must_hold_and_not_the_time() -> None:
     assert tightened("abs(part.x) <= 0.1 for wait", 0.2) == "(abs(part.x) <= 0.1 - 0.2 * abs(0.1) for wait)"
     assert tightened("rest(part) for 0.3", 0.2) == "(rest(part) for 0.3)"
+
+
+@pytest.mark.parametrize("name", ["grip_force", "mobile_forward", "before_for", "x_for_y", "_form"])
+def test_names_may_hold_the_word_for(name: str) -> None:
+    assert rewritten(f"{name} > 1") == f"{name} > 1"
+    assert rewritten(f"{name} > 1 for 0.2") == f"_for(({name} > 1), (0.2))"

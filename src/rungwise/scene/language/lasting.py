@@ -12,6 +12,7 @@ import warnings
 
 FOR, REST = "_for", "rest"
 """The function that ``X for T`` is rewritten into, and the one that asks for rest."""
+_OWN = re.compile(rf"(?<!\w){FOR}(?!\w)")
 _MARKS = re.compile(r"(?<![\w.])for(?!\w)|[()\[\]{},]")
 
 
@@ -32,7 +33,7 @@ class _Part:
 
 def rewritten(text: str) -> str:
     """The text with ``X for T`` as a call. Raises ExpressionError where a part of it is missing."""
-    if FOR in text:
+    if _OWN.search(text):
         raise ExpressionError(f"unknown name {FOR}")
     if "for" not in text:
         return text

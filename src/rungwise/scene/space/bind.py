@@ -124,9 +124,12 @@ def bind(scene: Source, values: Reals) -> SpaceBound:
         raise InvalidScene(str(error)) from None
     place, motion, control = _start(scene, model, number)
     notes: tuple[str, ...] = ()
+    if spec.compiler.balanceinertia and path.suffix.lower() == ".urdf":
+        notes = ("model: inertias that no body can have were balanced: equal about all axes",)
     if file.start.settle:
         fused = path.suffix.lower() == ".urdf"
-        model, place, notes = settled(spec, model, scene.labels, place, fused)
+        model, place, moved = settled(spec, model, scene.labels, place, fused)
+        notes += moved
     bound = SpaceBound(
         model=model, law=law, laws=laws, place=place, motion=motion, control=control,
         pace=np.full(model.nv, np.nan), told=scene.told, values=values,

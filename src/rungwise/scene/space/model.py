@@ -18,6 +18,7 @@ from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.scene.space.fields import Changes, Numbers
 from rungwise.scene.space.numbers import check_numbers
+from rungwise.scene.space.packages import with_places
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -70,7 +71,9 @@ def read_spec(path: Path) -> mujoco.MjSpec:
     """The specification in a file. Raises SceneError with the parser's message."""
     mujoco = library()
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        text = path.read_text() if path.suffix.lower() == ".urdf" else ""
+        placed = with_places(text, path)
+        return mujoco.MjSpec.from_file(str(path)) if placed is None else mujoco.MjSpec.from_string(placed)
     except (ValueError, RuntimeError, OSError, UnicodeDecodeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
 
@@ -80,7 +83,7 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            model = spec.compile()
+            model = _compiled(spec, path.suffix.lower() == ".urdf")
     except (ValueError, RuntimeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
     if model.nv == 0:
@@ -93,6 +96,17 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     for each in told:  # of a model that is not refused
         warnings.warn(str(each.message), stacklevel=2)
     return model
+
+
+def _compiled(spec: mujoco.MjSpec, is_urdf: bool) -> mujoco.MjModel:
+    """The model; of a URDF, which cannot say how, inertias that no body can have are balanced."""
+    try:
+        return spec.compile()
+    except ValueError as error:
+        if not is_urdf or "balanceinertia" not in str(error):
+            raise
+    spec.compiler.balanceinertia = True
+    return spec.compile()
 
 
 def _line(error: BaseException) -> str:

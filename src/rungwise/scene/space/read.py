@@ -84,6 +84,8 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     model = compiled(spec, path)
     refuse(model)
     names = labels(model)
+    if "controls" not in file.model_fields_set and names.actuators:
+        file = _checked(_with_inputs(data, model, names))
     scene = SpaceScene(file, _template(file, model, names), folder, names, spec.to_xml())
     check_names(scene, spec, model)
     if file.task is not None:
@@ -117,19 +119,24 @@ def _of_model(path: Path) -> SpaceScene:
     `contact_laws`."""
     if not path.is_file():
         raise SceneError(f"scene: {str(path)[:200]!r} is {no_file(path)}")
-    model = compiled(read_spec(path), path)
-    names = labels(model)
+    return _scene({"name": label(path.stem), "model": {"file": path.name}}, path.parent)
+
+
+def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
+    """The content of a scene that states no controls, with its actuators as inputs: parameters of their
+    names, of which each is what the keyframe says or else 0, within the actuator's range."""
+    given = dict(data.get("parameters") or {})
+    taken = (*FUNCTIONS, *CONSTANTS, "t", "tolerance", "speed", *OF_CONTACTS, *given)
+    key = (data.get("start") or {}).get("keyframe")
+    keys = [k for k in range(model.nkey) if model.key(k).name == key]
     parameters, controls = {}, {}
-    taken = (*FUNCTIONS, *CONSTANTS, "t", "tolerance", "speed", *OF_CONTACTS)
     for a, name in enumerate(names.actuators):
         low, high = (float(x) for x in model.actuator_ctrlrange[a])
         own = f"u_{name}" if name in taken else name
-        parameters[own] = {"default": 0.0, "about": f"control of {name}"}
+        told = float(model.key_ctrl[keys[0], a]) if keys else 0.0
+        parameters[own] = {"default": told, "about": f"control of {name}"}
         if model.actuator_ctrllimited[a]:
-            parameters[own] |= {"default": min(max(0.0, low), high), "range": (low, high)}
+            parameters[own] |= {"default": min(max(told, low), high), "range": (low, high)}
         controls[name] = own
-    data = {
-        "name": label(path.stem), "model": {"file": path.name}, "parameters": parameters,
-        "inputs": tuple(parameters), "controls": controls,
-    }  # fmt: skip
-    return _scene(data, path.parent)
+    inputs = (*(data.get("inputs") or ()), *parameters)
+    return data | {"parameters": given | parameters, "inputs": inputs, "controls": controls}

@@ -30,6 +30,13 @@ ROUNDS = 80
 CLOSED, CLEAR = 1e-9, 5e-6
 """Overlap, opening, or passing of a range over the model's size that is rounding, and the gap that is left
 where bodies overlapped by more. Chosen by trial, to a decade, below what a run allows at its start."""
+ROUGH = 5e-5
+"""Gap of meshes over the model's size that is left beside others: their depths are known less well. Chosen by
+trial."""
+EXACT, SEARCHES = 1e-10, 200
+"""Error of MuJoCo's search for the nearest points of two convex geoms, and its iterations: as in runs."""
+BEYOND = 0.05
+"""Part of an overlap by which bodies are asked to part beyond it: what collision finds of meshes is rough."""
 ROUNDED = 1e-6
 """Overlap over the model's size from which on bodies count as built into each other. Chosen by trial."""
 FAR = 0.1
@@ -74,6 +81,7 @@ class _Search:
         self.moving = np.flatnonzero((m.body_weldid[m.geom_bodyid] != 0) & (m.geom_rbound > 0.0))
         m.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        m.opt.ccd_tolerance, m.opt.ccd_iterations = min(m.opt.ccd_tolerance, EXACT), SEARCHES
         self.data = mujoco.MjData(m)
         self.first = self._geoms(start)
         self.size = self._size()
@@ -85,34 +93,74 @@ class _Search:
         self.unit_data = mujoco.MjData(self.unit)
         mujoco.mj_setConst(self.unit, self.unit_data)
         self.lever = self._levers()
-        self.captured = self._captured()
+        self.captured, self.rough = self._captured(), 0.0
         self.best, self.amiss = start.copy(), 0.0
 
     def run(self) -> None:
-        """Look for allowed places, where something is amiss by more than rounding, until no step makes what
-        is amiss less."""
-        q, mujoco, m = self.start.copy(), self.mujoco, self.model
-        gone, here = np.zeros(m.nv), self._demands(q)
-        if here.amiss <= CLOSED * self.size:
+        """Look for allowed places where something is amiss by more than rounding: at all, then as near as
+        they can be, then to rounding."""
+        self.amiss = self._demands(self.start).amiss
+        if self.amiss <= CLOSED * self.size:
             return
+        self.rough = ROUGH * self.size
+        for beyond in (BEYOND, 0.0):
+            self._open(beyond)
+            if self.amiss > ROUNDED * self.size:
+                return
+            self._go_back()
+        self._open(0.0, least=True)
+
+    def _open(self, beyond: float, least: bool = False) -> None:
+        """Take steps until none makes what is amiss less; the `least` ones, or those nearest to the start."""
+        here = self._demands(self.best, beyond)
         for _ in range(ROUNDS):
-            mujoco.mj_differentiatePos(m, gone, 1.0, self.start, q)
-            if here.amiss <= ROUNDED * self.size:  # what yielding leaves is closed by the least step
-                gone[:] = 0.0
-            step = _nearest(self._metric(q), here, gone)
-            pace = float(np.abs(step * self.lever).max(initial=0.0))
-            step *= min(1.0, FAR * self.size / pace) if pace > 0.0 else 0.0
+            step = self._step(here, least)
             for _ in range(HALVINGS):
-                tried = q.copy()
-                mujoco.mj_integratePos(m, tried, step, 1.0)
-                there = self._demands(tried)
+                tried = self._after(step)
+                there = self._demands(tried, beyond)
                 if there.sum < here.sum:
                     break
                 step *= 0.5
             else:
                 break
-            q, here = tried, there
-        self.best, self.amiss = q, here.amiss
+            self.best, here = tried, there
+        self.amiss = here.amiss
+
+    def _go_back(self) -> None:
+        """Take steps towards the start for as long as they stay allowed."""
+        here = self._demands(self.best)
+        for _ in range(ROUNDS):
+            step, far = self._step(here), self._distance(self.best)
+            for _ in range(HALVINGS):
+                tried = self._after(step)
+                there = self._demands(tried)
+                if there.amiss <= ROUNDED * self.size and self._distance(tried) < far * (1.0 - CLOSED):
+                    break
+                step *= 0.5
+            else:
+                break
+            self.best, here = tried, there
+        self.amiss = here.amiss
+
+    def _step(self, here: _Demands, least: bool = False) -> Reals:
+        gone = self._gone(self.best) if not least else np.zeros(self.model.nv)
+        step = _nearest(self._metric(self.best), here, gone)
+        pace = float(np.abs(step * self.lever).max(initial=0.0))
+        return step * (min(1.0, FAR * self.size / pace) if pace > 0.0 else 0.0)
+
+    def _after(self, step: Reals) -> Reals:
+        tried = self.best.copy()
+        self.mujoco.mj_integratePos(self.model, tried, step, 1.0)
+        return tried
+
+    def _gone(self, q: Reals) -> Reals:
+        gone = np.zeros(self.model.nv)
+        self.mujoco.mj_differentiatePos(self.model, gone, 1.0, self.start, q)
+        return gone
+
+    def _distance(self, q: Reals) -> float:
+        gone = self._gone(q)
+        return float(np.sqrt(gone @ self._metric(q) @ gone))
 
     def result(self) -> Settled:
         """The best places that were seen."""
@@ -176,7 +224,7 @@ class _Search:
         mujoco.mj_fullM(m, d, metric)
         return metric
 
-    def _demands(self, q: Reals) -> _Demands:
+    def _demands(self, q: Reals, beyond: float = 0.0) -> _Demands:
         """What is asked of a step from q (n_q,)."""
         mujoco, m, d, kinds = self.mujoco, self.model, self.data, self.mujoco.mjtConstraint
         d.qpos[:] = q
@@ -185,8 +233,10 @@ class _Search:
         kind, place = np.array(d.efc_type[: d.nefc]), np.array(d.efc_pos[: d.nefc])
         equal = kind == kinds.mjCNSTR_EQUALITY
         limit = (kind == kinds.mjCNSTR_LIMIT_JOINT) | (kind == kinds.mjCNSTR_LIMIT_TENDON)
-        first = d.contact.efc_address[d.contact.efc_address >= 0]
-        place[first] = d.contact.dist[d.contact.efc_address >= 0]
+        meets = d.contact.efc_address >= 0
+        first = d.contact.efc_address[meets]
+        meshes = (m.geom_type[d.contact.geom[meets]] == mujoco.mjtGeom.mjGEOM_MESH).any(axis=1)
+        place[first] = d.contact.dist[meets] - self.rough * meshes
         led = equal & self.captured[np.where(equal, d.efc_id[: d.nefc], 0)]
         kept = np.concatenate([np.flatnonzero((equal & ~led) | limit), first]).astype(int)
         rows, off, equal = every[kept], place[kept], equal[kept]
@@ -195,7 +245,8 @@ class _Search:
         unit = np.where(contact | (reach == 0.0), 1.0, self.size / np.where(reach > 0.0, reach, 1.0))
         rows, off = rows * unit[:, None], off * unit
         wrong = np.where(equal, np.abs(off), np.maximum(-off, 0.0))
-        clear = np.where(contact & (off < -CLOSED * self.size), CLEAR * self.size, 0.0)
+        overlaps = contact & (off < -CLOSED * self.size)
+        clear = np.where(overlaps, CLEAR * self.size + beyond * np.maximum(-off, 0.0), 0.0)
         return _Demands(rows, clear - off, equal, float(wrong.max(initial=0.0)), float(wrong @ wrong))
 
 

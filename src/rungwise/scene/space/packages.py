@@ -1,0 +1,64 @@
+"""Files that a URDF names by the package that brings them, ``package://NAME/path``: where they lie.
+
+They are looked for beside the URDF and in the folders above it, in the folders of ROS_PACKAGE_PATH and of
+AMENT_PREFIX_PATH, and in installed packages of Python.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
+
+NAMED = re.compile(
+    r"""(?P<quote>["'])(?:package|model):/{2,3}(?P<package>[^/"']+)/(?P<inner>[^"']+)(?P=quote)"""
+)
+FILE = re.compile(r"""\bfilename\s*=\s*(?P<quote>["'])(?P<name>[^"':]+)(?P=quote)""")
+
+
+def with_places(text: str, path: Path) -> str | None:
+    """The text of a URDF at `path` with the places of its files in place of packages; None where it names no
+    package. Raises SceneError for a file that is nowhere."""
+    if not NAMED.search(text):
+        return None
+
+    def placed(found: re.Match[str]) -> str:
+        package, inner, quote = found["package"], found["inner"], found["quote"]
+        for folder in _folders(package, path):
+            if (folder / inner).is_file():
+                return f"{quote}{folder / inner}{quote}"
+        raise SceneError(
+            f"model: {path.name!r}: {shown(f'package://{package}/{inner}')} is no file beside it or above it,"
+            f" in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, or in an installed package {package}"
+        )
+
+    def beside(found: re.Match[str]) -> str:
+        own = path.parent.resolve() / found["name"]
+        return f"filename={found['quote']}{own}{found['quote']}" if own.is_file() else found[0]
+
+    return NAMED.sub(placed, FILE.sub(beside, text))
+
+
+def _folders(package: str, path: Path) -> Iterator[Path]:
+    """Folders that may be the package's, the nearest first."""
+    for above in path.resolve().parents:
+        if above.name == package:
+            yield above
+        yield above / package
+    for name, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        for each in filter(None, os.environ.get(name, "").split(os.pathsep)):
+            folder = Path(each) / inner
+            if folder.name == package:
+                yield folder
+            yield folder / package
+    for each in sys.path:
+        yield Path(each) / "cmeel.prefix" / "share" / package
+    spec = find_spec(package) if package.isidentifier() else None
+    for each in (spec.submodule_search_locations or ()) if spec else ():
+        yield Path(each)
