@@ -78,13 +78,14 @@ def with_peer(prepared: Prepared, engine: Callable[..., Any]) -> WithPeer:
 
 
 def mujoco_plane(part: Outline) -> Callable[[dict[str, float]], Any]:
-    """MuJoCo in the plane: x, z and a turn about -y."""
+    """MuJoCo in the plane: x, z and a turn about -y. The table is off the origin at first: one in its body's
+    frame would stay there."""
     import mujoco
 
     corners = " ".join(f"{x} {side} {z}" for x, z in part.corners for side in (-0.05, 0.05))
     text = f"""<mujoco><option timestep="{STEP}" gravity="0 0 -{GRAVITY}" cone="elliptic"/>
       <asset><mesh name="part" vertex="{corners}"/></asset>
-      <worldbody><geom name="table" type="plane" size="5 5 .1"/>
+      <worldbody><geom name="table" type="plane" size="5 5 .1" pos="0 0 1"/>
       <body name="part"><inertial pos="0 0 0" mass="1" diaginertia="1 {part.inertia} 1"/>
       <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/><joint type="hinge" axis="0 -1 0"/>
       <geom name="part" type="mesh" mesh="part" friction="1 0 0"/></body></worldbody></mujoco>"""
