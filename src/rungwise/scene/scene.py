@@ -16,18 +16,18 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.bind.bind import bind
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.drawings.drawing import with_outlines
 from rungwise.scene.errors import SceneError, out_of_range
-from rungwise.scene.fields.fields import Parameter, SceneFile
+from rungwise.scene.fields.fields import SceneFile
 from rungwise.scene.fields.lifts import with_lifts
 from rungwise.scene.fields.shapes import MANY, ONE
 from rungwise.scene.fields.task import numbers_of
-from rungwise.scene.fields.values import finite, shown
+from rungwise.scene.fields.values import shown
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template import faults
 from rungwise.scene.template import records as rec
@@ -36,7 +36,7 @@ from rungwise.scene.template.template import Template
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
-    import rungwise
+    pass
 
 MAX_FILE = 2_000_000
 FARTHEST = 1e75
@@ -73,47 +73,17 @@ class Bound:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(AnyScene):
     """One manipulation task: the file as read, and the template that kernels bind."""
 
     file: SceneFile
     template: Template
     world: ClassVar[str] = "rungwise.world.planar"
-    self_contained: ClassVar[bool] = True
     farthest: ClassVar[float] = FARTHEST
-
-    def __eq__(self, other: object) -> bool:
-        """Scenes of one class are equal where their content is."""
-        return self.content == other.content if isinstance(other, Scene) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self.content)
-
-    @property
-    def name(self) -> str:
-        return self.file.name
 
     def __repr__(self) -> str:
         bodies, parameters = cut(", ".join(self.file.bodies), 120), cut(", ".join(self.file.parameters), 120)
         return f"<Scene {cut(self.name)}: bodies {bodies}; parameters {parameters or 'none'}>"
-
-    @keywords
-    def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
-        """All parameters, defaults replaced by those `given`.
-
-        Raises SceneError for an unknown name, a value that is no finite number, or one out of range.
-        """
-        return parameter_values(self.file.parameters, given)
-
-    @property
-    def content(self) -> str:
-        """What tells scenes apart: the file's content."""
-        return self.stored
-
-    @property
-    def stored(self) -> str:
-        """The scene as JSON, as `load` takes it once decoded."""
-        return self.file.model_dump_json(exclude_unset=True)
 
     @property
     def whole(self) -> str:
@@ -135,9 +105,6 @@ class Scene:
             q[first : first + 3] += [body["x"], body["y"], body["angle"]]
         return q, v
 
-    def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
-        """Nothing: the plane knows no quaternions."""
-
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""
         return as_yaml(self.file.model_dump(mode="json", exclude_unset=True))
@@ -146,14 +113,6 @@ class Scene:
         """The numbers of the task, by their paths, at these parameters. Raises InvalidScene."""
         paths = [place.path for place in numbers_of(self.file.task)] if self.file.task is not None else []
         return dict(zip(paths, self.bind(given).records.task["value"].tolist(), strict=True))
-
-    def goal(
-        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
-    ) -> rungwise.Answers:
-        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
-        import rungwise
-
-        return rungwise.ask(self, "goal", states, parameters)
 
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
         """All numbers at these parameters. Raises InvalidScene, naming the field, when the scene is
@@ -192,18 +151,6 @@ class Scene:
         if fault == faults.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
-
-
-def parameter_values(known: Mapping[str, Parameter], given: Mapping[str, float] | None) -> dict[str, float]:
-    """All parameters, defaults replaced by those `given`. Raises SceneError."""
-    values = {name: parameter.default for name, parameter in known.items()}
-    if not isinstance(given, Mapping | None):
-        raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(given)}")
-    for name, value in (given or {}).items():
-        if name not in known:
-            raise SceneError(f"parameters: unknown {shown(name)}{choices(name, known)}")
-        values[name] = _parameter(f"parameters.{name}", value, known[name])
-    return values
 
 
 @keywords
@@ -309,14 +256,6 @@ def _inside(data: object, part: str | int) -> object:
     if isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
         return data[part]
     return None
-
-
-def _parameter(path: str, value: object, declared: Parameter) -> float:
-    """A parameter's value as float, in its range. Raises SceneError."""
-    number = finite(path, value, SceneError)
-    if declared.range is not None and not declared.range[0] <= number <= declared.range[1]:
-        raise SceneError(f"{path}: {number:g} is outside {declared.range[0]:g} to {declared.range[1]:g}")
-    return number
 
 
 def _read(source: str | Path, known: Sequence[str]) -> object:

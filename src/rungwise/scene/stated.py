@@ -6,7 +6,6 @@ A world of one's own derives its fields from `Stated` and its scenes from `State
 from __future__ import annotations
 
 import json
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,10 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from rungwise.errors import InputError
 from rungwise.kernel import Reals
-from rungwise.keywords import keywords
 from rungwise.plain import cut
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.errors import STRICT, SceneError, out_of_range
 from rungwise.scene.fields.fields import conversions_of
 from rungwise.scene.fields.stated import Stated
@@ -26,11 +24,11 @@ from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.language.expression import SLOTS, STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import OF_CONTACTS, Names
 from rungwise.scene.language.units import Conversion
-from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain, parameter_values
+from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain
 from rungwise.scene.template.task import check_fingers, check_task
 
 if TYPE_CHECKING:
-    import rungwise
+    pass
 
 Fields = TypeVar("Fields", bound=Stated)
 
@@ -98,34 +96,17 @@ class Numbers:
 
 
 @dataclass(frozen=True, eq=False)
-class StatedScene:
+class StatedScene(AnyScene):
     """A scene that has been read: its file, and the names that expressions may use. See `AnyScene`; what
     derives from it says its `world`, and where it starts."""
 
     file: Any
     template: NameTemplate
-    world: ClassVar[str]
-    self_contained: ClassVar[bool] = True
     farthest: ClassVar[float] = FARTHEST
 
     def __post_init__(self) -> None:
         units = conversions_of(self.file.parameters, self.file.units)
         object.__setattr__(self, "template", replace(self.template, units=units))
-
-    def __eq__(self, other: object) -> bool:
-        """Scenes of one class are equal where their content is."""
-        return self.content == other.content if type(self) is type(other) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self.content)
-
-    def __init_subclass__(cls) -> None:
-        # dataclass keeps what a class has, and gives it no equality by fields
-        cls.__eq__, cls.__hash__ = StatedScene.__eq__, StatedScene.__hash__  # type: ignore[method-assign]
-
-    @property
-    def name(self) -> str:
-        return str(self.file.name)
 
     def __repr__(self) -> str:
         bodies, parameters = (
@@ -134,21 +115,6 @@ class StatedScene:
         )
         return f"<{type(self).__name__} {cut(self.name)}: bodies {bodies}; parameters {parameters or 'none'}>"
 
-    @cached_property
-    def content(self) -> str:
-        """What tells scenes apart: the file's content."""
-        return self.stored
-
-    @property
-    def whole(self) -> str:
-        """All that the scene says."""
-        return self.content
-
-    @property
-    def stored(self) -> str:
-        """The scene as JSON, as `load` takes it once decoded."""
-        return str(self.file.model_dump_json(exclude_unset=True))
-
     def yaml(self) -> str:
         """The scene as a file."""
         return as_yaml(json.loads(self.stored))
@@ -156,11 +122,6 @@ class StatedScene:
     def changed(self, **fields: Any) -> Self:
         """The scene with other fields of its file, such as its goal."""
         return replace(self, file=self.file.model_copy(update=fields))
-
-    @keywords
-    def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
-        """All parameters, defaults replaced by those `given`. Raises SceneError as `Scene.parameters`."""
-        return parameter_values(self.file.parameters, given)
 
     def numbers(self, given: Mapping[str, float] | None = None) -> Numbers:
         """What gives the scene's numbers at these parameters, at t = 0."""
@@ -193,18 +154,3 @@ class StatedScene:
             check_task(self.file.task, self.template.names(), self.file.inputs, robots)
             check_fingers(self.file.task, robots, self.template.bodies, "xyz")
         return self
-
-    @abstractmethod
-    def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
-        """q (n_q,) and v (n_v,) where the scene starts. Raises InvalidScene where it is impossible."""
-
-    def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
-        """Nothing: these scenes know no quaternions, unless they say so."""
-
-    def goal(
-        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
-    ) -> rungwise.Answers:
-        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
-        import rungwise
-
-        return rungwise.ask(self, "goal", states, parameters)
