@@ -18,12 +18,12 @@ from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .deadline import LimitError
 from .errors import InputError
-from .fitting.errors import MotionError
 from .fitting.explain import Explanation, explain
 from .fitting.fit import fit
 from .fitting.found import Fit, Residual
 from .fitting.log import FitError
-from .fitting.motions import Motions
+from .fitting.measured.errors import MotionError
+from .fitting.measured.motions import Motions
 from .hierarchy.compare import compare
 from .hierarchy.comparison import Comparison
 from .hierarchy.counterexample import Counterexample, load_counterexample

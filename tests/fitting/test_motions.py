@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.fitting.layout import turn_between
-from rungwise.fitting.smoothing import deviation, smooth
+from rungwise.fitting.measured.layout import turn_between
+from rungwise.fitting.measured.smoothing import deviation, smooth
 
 from .drops import NAMES, SCENE, drops
 

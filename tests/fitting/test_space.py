@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.fitting.layout import laid_out, rates_at
+from rungwise.fitting.measured.layout import laid_out, rates_at
 
 GRAVITY, MU = 9.81, 0.3
 LABELS = ("block.x", "block.y", "block.z", "block.qw", "block.qx", "block.qy", "block.qz")

@@ -11,14 +11,14 @@ import numpy as np
 
 from rungwise.content import ByContent
 from rungwise.deadline import NEVER, Deadline, LimitError, seconds
-from rungwise.fitting.errors import MotionError
 from rungwise.fitting.found import Fit
-from rungwise.fitting.layout import Layout
-from rungwise.fitting.motions import Motions
+from rungwise.fitting.measured.errors import MotionError
+from rungwise.fitting.measured.layout import Layout
+from rungwise.fitting.measured.motions import Motions
+from rungwise.fitting.measured.spans import MOMENTS
 from rungwise.fitting.predict import Predictor
 from rungwise.fitting.prepare import Options, Prepared, prepare
 from rungwise.fitting.score import PHASES, Score, phase_of, scored, sizes, worse
-from rungwise.fitting.spans import MOMENTS
 from rungwise.fitting.stages import INTERRUPTED, Search
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords

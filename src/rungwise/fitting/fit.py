@@ -8,9 +8,9 @@ from typing import Any
 
 from rungwise.deadline import Deadline, seconds
 from rungwise.fitting.found import Fit
-from rungwise.fitting.motions import Motions
+from rungwise.fitting.measured.motions import Motions
+from rungwise.fitting.measured.spans import MOMENTS
 from rungwise.fitting.prepare import Options, prepare
-from rungwise.fitting.spans import MOMENTS
 from rungwise.fitting.stages import Search
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung

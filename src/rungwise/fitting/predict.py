@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.deadline import NEVER, Deadline, TimeOver
-from rungwise.fitting.layout import Compared
 from rungwise.fitting.log import Log
-from rungwise.fitting.spans import Spans
-from rungwise.fitting.starts import Parting
+from rungwise.fitting.measured.layout import Compared
+from rungwise.fitting.measured.spans import Spans
+from rungwise.fitting.measured.starts import Parting
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code

@@ -13,12 +13,12 @@ import numpy as np
 from rungwise.deadline import Deadline
 from rungwise.errors import InputError
 from rungwise.fitting.box import Box, box_of
-from rungwise.fitting.errors import MotionError
-from rungwise.fitting.layout import Layout, laid_out
 from rungwise.fitting.log import Log
-from rungwise.fitting.motions import Motions, check_parameters
+from rungwise.fitting.measured.errors import MotionError
+from rungwise.fitting.measured.layout import Layout, laid_out
+from rungwise.fitting.measured.motions import Motions, check_parameters
+from rungwise.fitting.measured.spans import Spans, spans_of
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.spans import Spans, spans_of
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown

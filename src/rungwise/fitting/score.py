@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.content import ByContent
-from rungwise.fitting.layout import Compared, Layout
+from rungwise.fitting.measured.layout import Compared, Layout
+from rungwise.fitting.measured.spans import Spans
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.spans import Spans
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.language.terms import ANGLE
 from rungwise.world.find import world_of

@@ -12,11 +12,11 @@ from rungwise.deadline import Deadline, LimitError, TimeOver
 from rungwise.fitting.certainty import Certainty, certainty
 from rungwise.fitting.found import Fit, Residual
 from rungwise.fitting.log import Log
+from rungwise.fitting.measured.spans import Spans
 from rungwise.fitting.predict import Predictor
 from rungwise.fitting.prepare import Prepared
 from rungwise.fitting.score import Phase, phase_of, phases
 from rungwise.fitting.search import EXPECTED, STARTS, Best, descend, losses, samples, trial_losses
-from rungwise.fitting.spans import Spans
 from rungwise.fitting.weights import NORMAL_MEDIAN, Weights, by_sensitivity, free_flight, unexplained
 from rungwise.kernel import Reals
 

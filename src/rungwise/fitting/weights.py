@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.fitting.layout import Layout
+from rungwise.fitting.measured.layout import Layout
 from rungwise.fitting.predict import Predictor
 from rungwise.kernel import Reals
 

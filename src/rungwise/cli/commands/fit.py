@@ -80,7 +80,7 @@ def fit(
 
 def _motions(data: Path, deviation: list[str] | None) -> Any:
     """Measured motions of a file."""
-    from rungwise.fitting.motions import Motions
+    from rungwise.fitting.measured.motions import Motions
 
     given: dict[str, float] = {}
     for item in deviation or []:

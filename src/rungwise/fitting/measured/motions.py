@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rungwise.fitting import tables
-from rungwise.fitting.errors import MotionError
+from rungwise.fitting.measured import tables
+from rungwise.fitting.measured.errors import MotionError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
@@ -130,7 +130,7 @@ class Motions:
 
     @classmethod
     def from_csv(cls, file: str | Path, **given: Any) -> Motions:
-        """Motions from a table (see `rungwise.fitting.tables.read_csv`); other arguments as above."""
+        """Motions from a table (see `measured.tables.read_csv`); other arguments as above."""
         return cls(**tables.read_csv(Path(file)) | given)
 
     @classmethod

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.fitting.errors import MotionError
-from rungwise.fitting.motions import Motions, Trial, check_names
-from rungwise.fitting.smoothing import WINDOW, deviation, smooth
+from rungwise.fitting.measured.errors import MotionError
+from rungwise.fitting.measured.motions import Motions, Trial, check_names
+from rungwise.fitting.measured.smoothing import WINDOW, deviation, smooth
 from rungwise.kernel import Ints, Reals
 from rungwise.world.find import world_of
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.errors import InputError
-from rungwise.fitting.errors import MotionError
-from rungwise.fitting.layout import Frames, Layout, rates_at
+from rungwise.fitting.measured.errors import MotionError
+from rungwise.fitting.measured.layout import Frames, Layout, rates_at
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.fields.values import shown
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.fitting.errors import MotionError
+from rungwise.fitting.measured.errors import MotionError
 from rungwise.kernel import Reals
 from rungwise.scene.fields.values import shown
 

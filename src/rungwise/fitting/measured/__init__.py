@@ -1,0 +1,1 @@
+"""Measured motions: read, laid out for a scene, and cut into spans."""
