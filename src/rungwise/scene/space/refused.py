@@ -24,12 +24,23 @@ OF_JOINTS = 1
 SWITCHES = ("ACTUATION", "CLAMPCTRL", "SPRING", "DAMPER")
 """Flags of MuJoCo that change motion when they are off and that MuJoCo's kinematics do not read."""
 
+WAYS_OUT = {
+    "an actuator with a state of its own": 'dyntype="none" in the model file lets it act at once',
+    "a fluid": 'density="0" viscosity="0" of <option> in the model file leave it out',
+    "an actuator that adheres": "without it in the model file the rest runs",
+    "a deformable body (flex)": "a rigid body in its place runs",
+}
+"""What can be written instead, by feature."""
+
 
 def refuse(model: mujoco.MjModel) -> None:
     """Raise SceneError for the first feature that changes motion and has no counterpart."""
     for feature, where in _found(model):
         if where:
-            raise SceneError(f"model: {feature} has no counterpart in these models ({', '.join(where[:5])})")
+            way = f"; {WAYS_OUT[feature]}" if feature in WAYS_OUT else ""
+            raise SceneError(
+                f"model: {feature} has no counterpart in these models ({', '.join(where[:5])}){way}"
+            )
 
 
 def left_out(model: mujoco.MjModel) -> tuple[str, ...]:
