@@ -88,45 +88,61 @@ def forget_slot(slot: int, manifolds: Manifolds) -> None:
 
 @inner_kernel
 def forget_gaps(pairs: RecordArray, manifolds: Manifolds) -> None:
-    """Let gaps be what is known of pairs that are not looked at; those of contacts without a listed pair are
-    so already, unless they may have changed since."""
+    """Let gaps be what is known of pairs that are not looked at."""
+    if is_listed(manifolds):
+        _forget_near_gaps(pairs, manifolds)
+    else:
+        for c in range(manifolds.gaps.shape[0]):
+            manifolds.gaps[c] = math.inf
+
+
+@rare_kernel
+def _forget_near_gaps(pairs: RecordArray, manifolds: Manifolds) -> None:
+    """The same where gaps of contacts without a listed pair are so already, unless they may have changed."""
     gaps, far, turn, shown = manifolds.gaps, manifolds.far, manifolds.turn, manifolds.shown
-    if not is_listed(manifolds):
-        for c in range(gaps.shape[0]):
-            gaps[c] = math.inf
-    elif shown[0] != turn[0]:
+    if shown[0] != turn[0]:
         for c in range(gaps.shape[0]):
             gaps[c] = far[c]
         shown[0] = turn[0]
-    else:
-        for i in range(manifolds.listed[0]):
-            c = pairs[manifolds.near[i]].contact
-            gaps[c] = far[c]
+        return
+    for i in range(manifolds.listed[0]):
+        c = pairs[manifolds.near[i]].contact
+        gaps[c] = far[c]
 
 
 @inner_kernel
 def forget_forces(manifolds: Manifolds, force: Reals) -> None:
     """Set forces (slots, d), of which those of pairs come first, to zero where they may not be."""
-    d, pairs = force.shape[1], 0
     if is_listed(manifolds) and manifolds.cleared[0] == manifolds.turn[0]:
-        for i in range(manifolds.listed[0]):
-            for slot in range(2 * manifolds.near[i], 2 * manifolds.near[i] + 2):
-                for j in range(d):
-                    force[slot, j] = 0.0
-        pairs = manifolds.features.shape[0]
-    for slot in range(pairs, force.shape[0]):
-        for j in range(d):
+        _forget_near_forces(manifolds, force)
+        return
+    for slot in range(force.shape[0]):
+        for j in range(force.shape[1]):
             force[slot, j] = 0.0
-    manifolds.cleared[0] = manifolds.turn[0]
+    if is_listed(manifolds):
+        manifolds.cleared[0] = manifolds.turn[0]
+
+
+@rare_kernel
+def _forget_near_forces(manifolds: Manifolds, force: Reals) -> None:
+    """The same where those of pairs that are not listed are zero."""
+    for i in range(manifolds.listed[0]):
+        for slot in range(2 * manifolds.near[i], 2 * manifolds.near[i] + 2):
+            for j in range(force.shape[1]):
+                force[slot, j] = 0.0
+    for slot in range(manifolds.features.shape[0], force.shape[0]):
+        for j in range(force.shape[1]):
+            force[slot, j] = 0.0
 
 
 @inner_kernel
 def listen(manifolds: Manifolds) -> bool:
     """Whether forces of contacts without a listed pair may not be zero in this step or the two before."""
-    heard, turn = manifolds.heard, manifolds.turn
-    if heard[0] != turn[0]:
-        heard[0], heard[1] = turn[0], LATER
-    heard[1] = max(heard[1] - 1, 0)
+    if is_listed(manifolds):
+        heard, turn = manifolds.heard, manifolds.turn
+        if heard[0] != turn[0]:
+            heard[0], heard[1] = turn[0], LATER
+        heard[1] = max(heard[1] - 1, 0)
     return hears_all(manifolds)
 
 

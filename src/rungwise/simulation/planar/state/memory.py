@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
@@ -52,13 +52,21 @@ def remember(state: State, saved: Snapshot) -> None:
     for i in range(state.q.shape[0]):
         saved.q[i] = state.q[i]
     if is_listed(manifolds) and saved.turn[0] == manifolds.turn[0]:
-        for i in range(manifolds.listed[0]):
-            _remember(2 * manifolds.near[i], state, saved)
-            _remember(2 * manifolds.near[i] + 1, state, saved)
+        _remember_near(state, saved)
         return
     for slot in range(manifolds.features.shape[0]):
         _remember(slot, state, saved)
-    saved.turn[0] = manifolds.turn[0]
+    if is_listed(manifolds):
+        saved.turn[0] = manifolds.turn[0]
+
+
+@rare_kernel
+def _remember_near(state: State, saved: Snapshot) -> None:
+    """Save what belongs to pairs that are listed."""
+    manifolds = state.manifolds
+    for i in range(manifolds.listed[0]):
+        _remember(2 * manifolds.near[i], state, saved)
+        _remember(2 * manifolds.near[i] + 1, state, saved)
 
 
 @inner_kernel

@@ -199,24 +199,42 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
     steps is the force, which tends to the force of the motion between impacts. The impulse is the integral
     over time from the start. The kinematic rung knows neither.
     """
-    pairs, manifolds = records.pairs, state.manifolds
-    near, all_of = near_pairs(manifolds, pairs.shape[0]), listen(manifolds)
-    for c in range(state.pushes.shape[0] if all_of else 0):
+    if not listen(state.manifolds):
+        _sense_near(records, rung, h, state)
+        return
+    for c in range(state.pushes.shape[0]):
         state.pushes[c] = 0.0
-    for i in range(0 if all_of else near):
-        state.pushes[pairs[pair_at(manifolds, i)].contact] = 0.0
     if rung[0].metric:
         return
-    for i in range(near):
-        p = pair_at(manifolds, i)
-        state.pushes[pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):
+        _push(pair_at(state.manifolds, i), records, state)
     jumps = rung[0].inertia > 0.0 and not rung[0].compliant
-    for c in range(state.pushes.shape[0] if all_of else 0):
+    for c in range(state.pushes.shape[0]):
         _hear(c, h, jumps, state)
-    for i in range(0 if all_of else near):
-        c = pairs[pair_at(manifolds, i)].contact
-        if i == 0 or c != pairs[pair_at(manifolds, i - 1)].contact:
+
+
+@rare_kernel
+def _sense_near(records: Records, rung: RecordArray, h: float, state: State) -> None:
+    """The same for contacts with listed pairs, where those of all others are zero."""
+    pairs, manifolds = records.pairs, state.manifolds
+    for i in range(manifolds.listed[0]):
+        state.pushes[pairs[manifolds.near[i]].contact] = 0.0
+    if rung[0].metric:
+        return
+    for i in range(manifolds.listed[0]):
+        _push(manifolds.near[i], records, state)
+    jumps, last = rung[0].inertia > 0.0 and not rung[0].compliant, -1
+    for i in range(manifolds.listed[0]):
+        c = pairs[manifolds.near[i]].contact
+        if c != last:
             _hear(c, h, jumps, state)
+        last = c
+
+
+@inner_kernel
+def _push(p: int, records: Records, state: State) -> None:
+    """Add the forces of a pair to those of its contact."""
+    state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
 
 
 @inner_kernel
