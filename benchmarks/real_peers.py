@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,15 +96,7 @@ def mujoco_plane(part: Outline) -> Callable[[dict[str, float]], Any]:
     def at(values: dict[str, float]) -> Any:
         _set_contact(model, values)
         model.geom_pos[0, 2] = values.get(part.table, 0.0)
-
-        def run(start: Any, durations: Any) -> Iterator[Any]:
-            mujoco.mj_resetData(model, data)
-            data.qpos[:], data.qvel[:] = start[:3], start[3:]
-            for duration in durations:
-                _advance(mujoco, model, data, float(duration))
-                yield data.qpos.copy()
-
-        return run
+        return partial(_ran, mujoco, model, data)
 
     return at
 
@@ -118,17 +111,18 @@ def mujoco_space(file: str) -> Callable[[dict[str, float]], Any]:
 
     def at(values: dict[str, float]) -> Any:
         _set_contact(model, values)
-
-        def run(start: Any, durations: Any) -> Iterator[Any]:
-            mujoco.mj_resetData(model, data)
-            data.qpos[:], data.qvel[:] = start[:7], start[7:]
-            for duration in durations:
-                _advance(mujoco, model, data, float(duration))
-                yield data.qpos.copy()
-
-        return run
+        return partial(_ran, mujoco, model, data)
 
     return at
+
+
+def _ran(mujoco: Any, model: Any, data: Any, start: Any, durations: Any) -> Iterator[Any]:
+    """Places after each of the durations, from places and velocities."""
+    mujoco.mj_resetData(model, data)
+    data.qpos[:], data.qvel[:] = start[: model.nq], start[model.nq :]
+    for duration in durations:
+        _advance(mujoco, model, data, float(duration))
+        yield data.qpos.copy()
 
 
 def _set_contact(model: Any, values: dict[str, float]) -> None:

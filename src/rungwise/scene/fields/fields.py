@@ -99,19 +99,6 @@ Motion = Annotated[
 ]
 
 
-class Coordinate(Strict):
-    """One coordinate of a body: start (as a displacement from the pose), travel (lower and upper bound the
-    coordinate itself), support and drive."""
-
-    start: Number = 0.0
-    speed: Number = 0.0
-    lower: Number = "-inf"
-    upper: Number = "inf"
-    damping: Number = 0.0
-    dry_friction: Number = 0.0
-    drive: Drive | None = None
-
-
 class JointCoordinate(Strict):
     """What a joint leaves free: travel, support and drive."""
 
@@ -120,6 +107,14 @@ class JointCoordinate(Strict):
     damping: Number = 0.0
     dry_friction: Number = 0.0
     drive: Drive | None = None
+
+
+class Coordinate(JointCoordinate):
+    """One coordinate of a body: besides what a joint's has, its start (as a displacement from the pose).
+    Travel (lower and upper) bounds the coordinate itself."""
+
+    start: Number = 0.0
+    speed: Number = 0.0
 
 
 class Pose(Strict):

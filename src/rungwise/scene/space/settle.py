@@ -11,6 +11,7 @@ demands that contradict each other are met as far as they can be.
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -112,29 +113,29 @@ class _Search:
 
     def _open(self, beyond: float, least: bool = False) -> None:
         """Take steps until none makes what is amiss less; the `least` ones, or those nearest to the start."""
+        self._descend(beyond, least, lambda _, there, here: there.sum < here.sum)
+
+    def _go_back(self) -> None:
+        """Take steps towards the start for as long as they stay allowed."""
+
+        def is_nearer(tried: Reals, there: _Demands, _: _Demands) -> bool:
+            if there.amiss > ROUNDED * self.size:
+                return False
+            return self._distance(tried) < self._distance(self.best) * (1.0 - CLOSED)
+
+        self._descend(0.0, False, is_nearer)
+
+    def _descend(
+        self, beyond: float, least: bool, is_better: Callable[[Reals, _Demands, _Demands], bool]
+    ) -> None:
+        """Take steps, each halved until what is there is better than what is here, until none is."""
         here = self._demands(self.best, beyond)
         for _ in range(ROUNDS):
             step = self._step(here, least)
             for _ in range(HALVINGS):
                 tried = self._after(step)
                 there = self._demands(tried, beyond)
-                if there.sum < here.sum:
-                    break
-                step *= 0.5
-            else:
-                break
-            self.best, here = tried, there
-        self.amiss = here.amiss
-
-    def _go_back(self) -> None:
-        """Take steps towards the start for as long as they stay allowed."""
-        here = self._demands(self.best)
-        for _ in range(ROUNDS):
-            step, far = self._step(here), self._distance(self.best)
-            for _ in range(HALVINGS):
-                tried = self._after(step)
-                there = self._demands(tried)
-                if there.amiss <= ROUNDED * self.size and self._distance(tried) < far * (1.0 - CLOSED):
+                if is_better(tried, there, here):
                     break
                 step *= 0.5
             else:
