@@ -107,7 +107,8 @@ def squares(folder: Path, trials: int) -> Real:
 def ellipses(folder: Path, trials: int) -> Real:
     """Single impacts of an ellipse (Fazeli and others 2017): velocities after, from those before."""
     kept = np.load(folder / "ellipses.npz")
-    rows = kept["states"][~kept["flags"].astype(bool).any(axis=1)][:trials]
+    rows = kept["states"][~kept["flags"].astype(bool).any(axis=1)][:trials].copy()
+    rows[:, [2, 5, 8, 11]] *= -1.0  # clockwise in this set: otherwise impulses do not fit the change of spin
     a, b = HALF_AXES
     inertia = (a * a + b * b) / 4.0
     turns = 2.0 * math.pi * np.arange(96) / 96
