@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Generic, TypeVar
 
 from rungwise.kernel import Reals
 
 Made = TypeVar("Made")
+Numbers = TypeVar("Numbers")
 
 
 class of_scene(Generic[Made]):
@@ -61,3 +63,16 @@ class BoundInstance(ABC):
     @property
     def stops(self) -> Reals | None:
         return None
+
+
+@dataclass(frozen=True)
+class SceneInstance(BoundInstance, Generic[Numbers]):
+    """An instance whose numbers are what the scene binds, once they are asked for."""
+
+    scene: Any
+    parameters: Mapping[str, float] | None = None
+
+    @cached_property
+    def bound(self) -> Numbers:
+        numbers: Numbers = self.scene.bind(self.parameters)
+        return numbers

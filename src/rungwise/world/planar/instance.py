@@ -15,20 +15,15 @@ from rungwise.scene.template.records import Records
 from rungwise.system.planar.place import start
 from rungwise.world.carriers import Driven
 from rungwise.world.contract import OBJECT, OBSTACLE, Load, Moved
-from rungwise.world.parts import BoundInstance
+from rungwise.world.parts import SceneInstance
 from rungwise.world.planar.carriers import driven
 
 
 @dataclass(frozen=True)
-class PlanarInstance(BoundInstance):
+class PlanarInstance(SceneInstance[Bound]):
     """See `Instance`."""
 
     scene: Scene
-    parameters: Mapping[str, float] | None = None
-
-    @cached_property
-    def bound(self) -> Bound:
-        return self.scene.bind(self.parameters)
 
     @cached_property
     def _start(self) -> tuple[Reals, Reals]:

@@ -15,7 +15,7 @@ from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import BALL, FREE, SLIDE, moments
 from rungwise.world.carriers import Driven
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Load, Moved
-from rungwise.world.parts import BoundInstance
+from rungwise.world.parts import SceneInstance
 from rungwise.world.spatial.carriers import driven
 
 if TYPE_CHECKING:
@@ -26,15 +26,10 @@ TURNED = 2.0
 
 
 @dataclass(frozen=True)
-class SpatialInstance(BoundInstance):
+class SpatialInstance(SceneInstance[SpaceBound]):
     """See `Instance`."""
 
     scene: SpaceScene
-    parameters: Mapping[str, float] | None = None
-
-    @cached_property
-    def bound(self) -> SpaceBound:
-        return self.scene.bind(self.parameters)
 
     @property
     def _start(self) -> tuple[Reals, Reals]:
