@@ -1,6 +1,7 @@
 """Steps of whole runs in space, beside MuJoCo's own in the same process, and what is asked of every step.
 
     python benchmarks/space.py [--scenes stack pile stack80 heap64] [--steps 8000] [--rounds 8] [--parts]
+                               [--first N]
 
 Each round takes steps on the rung and then as many in MuJoCo from the same start, so that both see the same
 machine. stackN and heapN are N boxes, one on the other or in square layers that fall a little. MuJoCo steps
@@ -13,6 +14,9 @@ the same model with its own settings: Newton, elliptic cones, its step the scene
 
 --parts says instead where the time of a step goes: to the contact solver, to contacts and rows, to other
 kernels, to MuJoCo, and to Python, which the profiler makes dearer than it is.
+
+--first says instead how long each of the first N steps takes, in which bodies fall: the mean, the 99th
+percentile and the greatest, in milliseconds of processor time.
 """
 
 from __future__ import annotations
@@ -143,6 +147,21 @@ def tell_parts(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: in
             print(f"{scene.name:8} {model:18}" + "".join(f"{share:10.0%}" for share in shares))
 
 
+def tell_first(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: int) -> None:
+    """Print what each of the first steps takes."""
+    print(f"{'scene':8} {'model':18} {'steps':>6} {'mean ms':>8} {'99 %':>6} {'most':>6}")
+    for scene in scenes:
+        for model in models:
+            run, took = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9), []
+            for _ in range(steps):
+                began = time.process_time()
+                run.steps_taken(1)
+                took.append(1e3 * (time.process_time() - began))
+            most = np.quantile(took[1:], 0.99)
+            numbers = f"{np.mean(took[1:]):8.2f} {most:6.1f} {max(took[1:]):6.1f}"
+            print(f"{scene.name:8} {model:18} {steps:6} {numbers}", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -153,11 +172,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--parts", action="store_true", help="say where the time goes")
+    parser.add_argument("--first", type=int, metavar="N", help="say what each of the first steps takes")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         scenes = [scene_of(name, Path(folder)) for name in chosen.scenes]
         if chosen.parts:
             tell_parts(scenes, chosen.models, chosen.steps // 4)
+            return 0
+        if chosen.first:
+            tell_first(scenes, chosen.models, chosen.first)
             return 0
         found = [measure(s, m, chosen.steps, chosen.rounds) for s in scenes for m in chosen.models]
     if chosen.json:
