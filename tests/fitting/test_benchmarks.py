@@ -36,6 +36,18 @@ def test_a_part_falls_turns_and_slides_to_rest_in_each_engine(
 
 
 @pytest.mark.long
+def test_measured_pushes_lead_to_a_plan(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/measured_pushes.py", monkeypatch)
+    monkeypatch.setattr("sys.argv", ["measured_pushes.py", "--samples", "10"])
+    example.main()
+    said = capsys.readouterr().out
+    assert said.startswith("quasistatic-rigid explains what ") and "re-planning: 10 of 10" in said
+    assert said.endswith("at the true values: goal\n")
+
+
+@pytest.mark.long
 def test_a_peer_is_fitted_by_the_same_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Motions that MuJoCo makes are fitted by MuJoCo: the friction comes back."""
     pytest.importorskip("mujoco")
