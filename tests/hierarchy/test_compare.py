@@ -234,7 +234,7 @@ def test_fits_say_why_they_have_no_order() -> None:
     def walked(distances: list[float], floors: list[float]) -> Fit:
         kept = np.array(distances) > np.array(floors)
         order, error = exponent(np.array(LIGHT.values)[kept], np.array(distances)[kept])
-        return Fit(LIGHT, LIGHT.values, tuple(distances), tuple(floors), order, error, 1.0, 0, ())
+        return Fit(LIGHT, tuple(distances), tuple(floors), order, error, 1.0, 0, ())
 
     sudden = walked([1e-3, 1e-9, 1e-9, 1e-9, 1e-9], [1e-8] * 5)
     assert sudden.verdict == TENDS and "4 of 5 distances are below 10 times their error" in sudden.why

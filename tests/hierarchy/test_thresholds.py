@@ -22,10 +22,9 @@ TIMEOUT = int(Code.TIMEOUT)
 
 
 def fit(distances: tuple[float, ...], floor: float, order: float = 1.0, error: float = 0.0) -> Fit:
-    path: Any = SimpleNamespace(name="k", words="k grows")
     count = len(distances)
-    values, floors = tuple(10.0**k for k in range(count)), (floor,) * count
-    return Fit(path, values, distances, floors, order, error, 1.0, 0, (1e-6,) * count)
+    path: Any = SimpleNamespace(name="k", words="k grows", values=tuple(10.0**k for k in range(count)))
+    return Fit(path, distances, (floor,) * count, order, error, 1.0, 0, (1e-6,) * count)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,6 @@ class Fit:
     `budget`: most steps of a run."""
 
     path: Path
-    values: tuple[float, ...]
     distances: tuple[float, ...]
     floors: tuple[float, ...]
     order: float
@@ -52,6 +51,11 @@ class Fit:
     step: float | None = None
     short: str = ""
     budget: int = 0
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The values of the path's parameter."""
+        return self.path.values
 
     @property
     def verdict(self) -> str:
@@ -130,7 +134,7 @@ def fit(
     if end[0] < SHORT * bench.duration:
         short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
     if short:
-        return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
+        return Fit(path, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
     order, error = known.order(path.values)
     if known.hidden or error > SCATTER:
@@ -141,7 +145,7 @@ def fit(
             if (_tends(*new) or falls) and not new[1] >= error:
                 known, (order, error) = other, new
     return Fit(
-        path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
+        path, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
         float(end[0]), sample, tuple(known.tols.tolist()), known.step, "", bench.budget,
     )  # fmt: skip
 
