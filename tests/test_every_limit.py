@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -375,18 +376,15 @@ def test_a_doomed_set_keeps_whole_rounds(
 def test_a_set_that_a_limit_ends_is_resumed(
     looks: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    asked: dict[str, Any] = {"tol": 0.02, "threads": 1}
-    whole = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), **asked)
+    made = partial(rw.feasible_set, "two_finger", "kinematic", ("v1", "v2"), tol=0.02, threads=1)
+    whole = made()
     with monkeypatch.context() as patch:
         hand = Hand(patch, looks)
         try:
-            found = rw.feasible_set(
-                "two_finger", "kinematic", ("v1", "v2"), limit=1e9, out=tmp_path, on_progress=hand, **asked
-            )
-            assert not found.complete
+            assert not made(limit=1e9, out=tmp_path, on_progress=hand).complete
         except rw.LimitError as error:
             assert "first cells" in str(error)
-    again = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), out=tmp_path, resume=True, **asked)
+    again = made(out=tmp_path, resume=True)
     assert again.complete and again.evaluations == whole.evaluations
     points = whole.random(500, 0)
     assert (again.labels(points) == whole.labels(points)).all()
