@@ -763,3 +763,35 @@ def test_a_command_without_time_says_so(name: str, rungwise: Command, tmp_path: 
     else:
         assert found.code == (0 if name == "view" else 1)
         assert "running" in found.out or "time is over" in found.out or "time was over" in found.out
+
+
+def completed(words: str) -> list[str]:
+    """What a shell offers for the last word."""
+    last = str(len(words.split(" ")) - 1)
+    shell = {"_RUNGWISE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": last}
+    named = [*MAIN[:-1], f"import sys; sys.argv = ['rungwise']; {MAIN[-1]}"]
+    told = subprocess.run(named, capture_output=True, text=True, env=os.environ | shell)
+    return told.stdout.split()
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("rungwise sim two_f", ["two_finger", "two_finger_free", "two_finger_servo"]),
+        ("rungwise check sta", ["stack"]),
+        ("rungwise sim push --model quasi", ["quasistatic-rigid", "quasistatic-compliant"]),
+        ("rungwise sim two_finger --model kinematic --set sti", ["stiffness"]),
+        ("rungwise sets two_finger --model kinematic --over v1,v", ["v1,v1", "v1,v2"]),
+        ("rungwise sim no_such_scene --set s", []),
+    ],
+)
+def test_shells_complete_scenes_rungs_and_parameters(words: str, offered: list[str]) -> None:
+    assert completed(words) == offered
+
+
+def test_every_scene_and_rung_can_be_completed() -> None:
+    for name, command in typer.main.get_command(cli.app).commands.items():  # type: ignore[attr-defined]
+        for each in command.params:
+            if each.name in ("scene", "model", "from_", "to", "values"):
+                assert getattr(each, "_custom_shell_complete", None) is not None, (name, each.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -167,3 +168,16 @@ def test_type_checkers_know_every_keyword(function: Callable[..., Any], told: An
     parameters = inspect.signature(function).parameters.values()
     own = {p.name: p.annotation for p in parameters if p.kind is p.KEYWORD_ONLY}
     assert own == {name: ref.__forward_arg__ for name, ref in told.__annotations__.items()}
+
+
+FUNCTIONS = [value for name in rw.__all__ if inspect.isfunction(value := getattr(rw, name))]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_every_parameter_of_a_public_function_is_described_and_signatures_are_short(
+    function: Callable[..., Any],
+) -> None:
+    signature, said = inspect.signature(function), function.__doc__ or ""
+    missing = [name for name in signature.parameters if not re.search(rf"\b{name}s?\b", said)]
+    assert not missing
+    assert all(len(repr(p.default)) < 40 for p in signature.parameters.values())

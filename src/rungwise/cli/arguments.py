@@ -34,11 +34,40 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
 
 
+def scenes(incomplete: str) -> list[str]:
+    """Names of scenes that ship, for shells that complete words."""
+    from rungwise.scene.scene import shipped
+    from rungwise.scene.space.read import shipped_in_space
+
+    return [name for name in (*shipped(), *shipped_in_space()) if name.startswith(incomplete)]
+
+
+def rungs(incomplete: str) -> list[str]:
+    """Names of rungs, for shells that complete words."""
+    from rungwise.models.ladder import LADDER
+
+    return [rung.name for rung in LADDER if rung.name.startswith(incomplete)]
+
+
+def parameters(context: typer.Context, incomplete: str) -> list[str]:
+    """Names of the scene's parameters, for shells that complete words: the last of several."""
+    before, comma, name = incomplete.rpartition(",")
+    try:
+        known = load_scene(str(context.params.get("scene"))).file.parameters
+    except (ValueError, OSError):
+        return []
+    return [f"{before}{comma}{each}" for each in known if each.startswith(name)]
+
+
 SceneArgument = Annotated[
-    str, typer.Argument(help="Name of a scene that ships, or path of a YAML, MJCF or URDF file.")
+    str,
+    typer.Argument(
+        help="Name of a scene that ships, or path of a YAML, MJCF or URDF file.", autocompletion=scenes
+    ),
 ]
 SetOption = Annotated[
-    list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
+    list[str] | None,
+    typer.Option("--set", help="name=value of a parameter; may be repeated.", autocompletion=parameters),
 ]
 SettleOption = Annotated[
     bool,

@@ -161,8 +161,9 @@ def explain(
     Args:
         models: rungs; all that move if not given.
         held_out: the part of the trials that is not fitted, drawn by the seed; or other motions.
-        The others are as for `fit`, which is called for each rung; parameters that a rung does not read are
-        left out of its fit. Scores are errors over spans of the same length.
+        scene, box, moments, step, tol, limit, threads, resume, keep_interrupted, on_progress: these and all
+            others are as for `fit`, which is called for each rung; parameters that a rung does not read are
+            left out of its fit. Scores are errors over spans of the same length.
 
     Raises what `fit` raises, and MotionError where no trial is left to hold out.
     """

@@ -26,12 +26,12 @@ def load(source: SpaceScene, *, settle: bool = False) -> SpaceScene: ...
 def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = False) -> AnyScene: ...
 @keywords
 def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = False) -> AnyScene:
-    """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping;
-    or, in space, from a model file (MJCF or URDF). A scene that has been read is returned as it is. Drawings
-    and model files are looked for beside the YAML file, for a mapping in the working folder. Content with a
-    field `world` is read by the world of that name (see `add_world`). `settle`: a scene in space begins at
-    the nearest places without overlap, with equalities closed and joints within their ranges, as where it
-    states ``start: {settle: true}``.
+    """Read a scene. `source`: the name of a shipped scene, the path of a YAML file, or its content as a
+    mapping; or, in space, from a model file (MJCF or URDF). A scene that has been read is returned as it is.
+    Drawings and model files are looked for beside the YAML file, for a mapping in the working folder. Content
+    with a field `world` is read by the world of that name (see `add_world`). `settle`: a scene in space
+    begins at the nearest places without overlap, with equalities closed and joints within their ranges, as
+    where it states ``start: {settle: true}``.
 
     Raises SceneError: one line that names the field and its valid values.
     """

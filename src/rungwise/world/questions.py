@@ -81,7 +81,7 @@ def ask(
     *,
     limit: float | None = None,
 ) -> Answers:
-    """Whether a condition holds at states.
+    """Whether a condition holds at states of a scene, at these `parameters`.
 
     `condition` is "goal", "unsafe" or "doomed" of the scene, or the text of a condition in its names. Forces
     and impulses are those that a state's run read there; without a run they are 0. What must hold for a time
@@ -102,7 +102,8 @@ def geometry(
     *,
     limit: float | None = None,
 ) -> Geometry:
-    """Gaps, collisions and poses at states: the question of the geometric rung. Raises SceneError and
+    """Gaps, collisions and poses of a scene at states, at these `parameters`: the question of the geometric
+    rung. Raises SceneError and
     StateError for wrong input, and LimitError where `limit` seconds are over before all states are looked
     at."""
     deadline = Deadline(seconds(limit))

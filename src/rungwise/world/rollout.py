@@ -97,6 +97,7 @@ def rollout(
         parameters: values by name, a number or (m,) each.
         keep: whether the states at the switches are kept (see `Rolled`).
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
+        chunk: how many runs a thread takes at a time; it changes nothing but speed.
         threads: how many; as many as there are cores if not given.
         limit: seconds after which runs that still go on are left as far as they have come, also from within a
             step: their outcome is `running`. Those that had not begun have places of nan.

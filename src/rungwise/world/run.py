@@ -120,8 +120,21 @@ def simulate(
     limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> AnyRun:
-    """Run `scene`, or what `load` makes of it, on `model` to its outcome; options are those of `RunOptions`.
-    Returns a `Run`, of a scene in space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
+    """Run `scene`, or what `load` makes of it, on `model` to its outcome. Returns a `Run`, of a scene in
+    space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
+
+    Args:
+        parameters: values by name; the scene's defaults for all others.
+        step: length of a fixed step, or tol: error allowed per step, whose lengths are then chosen; the
+            scene's own step if neither is given.
+        duration: end of the run, in the scene's time; span: the time of which a tenth is the longest step.
+        theta: of the theta rule, 1/2 to 1, on the dynamic compliant rung.
+        motion: preferred velocities by coordinate, where the model admits several motions.
+        state: where to begin; inputs: a schedule of segments (see `Segment`).
+        frames: most states that are recorded, every `stride` steps.
+        save_hard: folder for the problems of hard steps.
+
+    `RunOptions` says more of each.
 
     After `limit` seconds the run is returned as far as it has come, also from within a long step or the
     search for a proof: its outcome is `running`, and its reason says where. `on_progress` is called about ten

@@ -18,7 +18,10 @@ SAME = 0.05
 
 def compare(
     scene: arg.SceneArgument,
-    model: Annotated[str, typer.Option("--model", help="Only pairs with this rung, or all.")] = "all",
+    model: Annotated[
+        str,
+        typer.Option("--model", autocompletion=arg.rungs, help="Only pairs with this rung, or all."),
+    ] = "all",
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
     samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn besides the scene's.")] = 8,

@@ -15,11 +15,21 @@ from rungwise.cli.terminal import answer, plain_errors, stoppable
 def design(
     scene: arg.SceneArgument,
     over: Annotated[
-        str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
+        str,
+        typer.Option(
+            "--over",
+            autocompletion=arg.parameters,
+            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
+        ),
     ],
-    model: Annotated[str, typer.Option("--model", help="Rung on which to succeed.")] = "dynamic-compliant",
+    model: Annotated[
+        str, typer.Option("--model", autocompletion=arg.rungs, help="Rung on which to succeed.")
+    ] = "dynamic-compliant",
     from_: Annotated[
-        str | None, typer.Option("--from", help="Rung of which on designs are searched, rung after rung.")
+        str | None,
+        typer.Option(
+            "--from", autocompletion=arg.rungs, help="Rung of which on designs are searched, rung after rung."
+        ),
     ] = None,
     robust: Annotated[
         bool, typer.Option("--robust", help="Under what the scene's task calls uncertain.")

@@ -14,7 +14,10 @@ from rungwise.cli.terminal import plain_errors, refuse, show, show_json, stoppab
 
 def doomed(
     scene: arg.SceneArgument,
-    model: Annotated[str, typer.Option("--model", help="Rung of the ladder, with rigid contact.")],
+    model: Annotated[
+        str,
+        typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder, with rigid contact."),
+    ],
     over: Annotated[
         str, typer.Option("--over", help="States, NAME or NAME=LOW:HIGH, separated by commas.")
     ],

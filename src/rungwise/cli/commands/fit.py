@@ -17,9 +17,19 @@ def fit(
     scene: arg.SceneArgument,
     data: Annotated[Path, typer.Option("--data", help="Measured motions, CSV: trial, time, coordinates.")],
     over: Annotated[
-        str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
+        str,
+        typer.Option(
+            "--over",
+            autocompletion=arg.parameters,
+            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
+        ),
     ],
-    model: Annotated[str, typer.Option("--model", help="Rung of the ladder, or all: which one explains.")],
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model", autocompletion=arg.rungs, help="Rung of the ladder, or all: which one explains."
+        ),
+    ],
     values: arg.SetOption = None,
     deviation: Annotated[
         list[str] | None,

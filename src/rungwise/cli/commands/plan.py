@@ -20,9 +20,14 @@ RUNGS = (
 def plan(
     scene: arg.SceneArgument,
     from_: Annotated[
-        str | None, typer.Option("--from", help="First rung; the plan climbs from it, rung by rung.")
+        str | None,
+        typer.Option(
+            "--from", autocompletion=arg.rungs, help="First rung; the plan climbs from it, rung by rung."
+        ),
     ] = None,
-    to: Annotated[str, typer.Option("--to", help="Rung on which the plan must hold.")] = "dynamic-compliant",
+    to: Annotated[
+        str, typer.Option("--to", autocompletion=arg.rungs, help="Rung on which the plan must hold.")
+    ] = "dynamic-compliant",
     schedule: Annotated[
         str | None,
         typer.Option(

@@ -15,6 +15,8 @@ from rungwise.cli.arguments import (
     load_scene,
     numeric,
     parameters_of,
+    rungs,
+    scenes,
 )
 from rungwise.cli.terminal import answer, plain_errors, refuse
 
@@ -30,6 +32,7 @@ def replay(
         str,
         typer.Argument(
             metavar="SCENE|PLAN",
+            autocompletion=scenes,
             help="Name of a scene that ships, path of a YAML, MJCF or URDF file, or a saved plan (JSON).",
         ),
     ],
@@ -38,6 +41,7 @@ def replay(
         str | None,
         typer.Option(
             "--model",
+            autocompletion=rungs,
             help="Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given.",
         ),
     ] = None,

@@ -15,9 +15,16 @@ from rungwise.wording import choices
 
 def sets(
     scene: arg.SceneArgument,
-    model: Annotated[str, typer.Option("--model", help="Rung of the ladder, or all.")],
+    model: Annotated[
+        str, typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder, or all.")
+    ],
     over: Annotated[
-        str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
+        str,
+        typer.Option(
+            "--over",
+            autocompletion=arg.parameters,
+            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
+        ),
     ],
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,

@@ -15,7 +15,10 @@ from rungwise.simulation.any_run import AnyRun
 
 def sim(
     scene: arg.SceneArgument,
-    model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
+    model: Annotated[
+        str,
+        typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder (see `rungwise models`)."),
+    ],
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
     step: Annotated[

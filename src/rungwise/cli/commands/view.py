@@ -15,6 +15,7 @@ from rungwise.cli.arguments import (
     load_plan_file,
     load_with,
     numeric,
+    rungs,
 )
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 from rungwise.simulation.any_run import AnyRun
@@ -36,7 +37,9 @@ def view(
     model: Annotated[
         list[str] | None,
         typer.Option(
-            "--model", help="Rung to run on; may be repeated. All that move, or the plan's own, if not given."
+            "--model",
+            autocompletion=rungs,
+            help="Rung to run on; may be repeated. All that move, or the plan's own, if not given.",
         ),
     ] = None,
     values: SetOption = None,

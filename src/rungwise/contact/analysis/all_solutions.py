@@ -185,7 +185,8 @@ class _Holding:
 def extreme_motions(
     found: Solutions, objects: Sequence[Sequence[int]] = (), *, limit: float | None = None
 ) -> Array:
-    """Least and greatest of each velocity (rate, where the problem has none) over all solutions: (m, 2).
+    """Least and greatest of each velocity (rate, where the problem has none) over all solutions `found`: (m,
+    2).
 
     In the plane, and in space without friction.
 

@@ -63,7 +63,8 @@ def form_closure(points: ArrayLike, normals: ArrayLike) -> Closure:
 
 @keywords
 def force_closure(points: ArrayLike, normals: ArrayLike, friction: ArrayLike) -> Closure:
-    """Force closure of a body by contacts with Coulomb friction (a number, or one for each contact).
+    """Force closure of a body by contacts with Coulomb friction (a number, or one for each contact): points
+    (k, 2) where they touch the body, and normals (k, 2) into it.
 
     Two contacts with friction close iff the line between them lies strictly inside both cones.
     """

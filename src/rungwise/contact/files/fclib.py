@@ -161,7 +161,7 @@ def write_fclib(
     math_info: str = "",
 ) -> None:
     """Write `problem`, in local form if it has contacts alone, else in global form, with forces r (k d,) of
-    its contacts as a guess.
+    its contacts as a guess, to the file `path`; with its `title`, `description` and `math_info`.
 
     Compliance and limited forces, for which FCLIB has no words, are written as equivalent contacts and
     velocities (see `equivalent`), after the problem's own; the guess is zero there. The file appears whole or

@@ -13,7 +13,7 @@ from rungwise.content import ByContent
 from rungwise.deadline import LimitError, TimeOver
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
-from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
+from rungwise.models.ladder import Rung
 from rungwise.plain import cut
 from rungwise.planning.design.coarse_to_fine import Earlier, earlier_rungs, nothing, searched_earlier
 from rungwise.planning.design.tune import GRID, Tuner, centre
@@ -173,7 +173,7 @@ def design(
     scene: AnyScene | str | Path | Mapping[str, Any],
     over: Sequence[str],
     *,
-    model: Rung | str = DYNAMIC_COMPLIANT,
+    model: Rung | str = "dynamic-compliant",
     from_: Rung | str | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -209,6 +209,7 @@ def design(
         budget: greatest number of runs; limit: seconds after which the call returns with the best design so
             far; see `unfinished`.
         seed: of the search and of the draws.
+        threads, on_progress: as for `feasible_set`.
 
     Raises SceneError, SetError, ModelError or TaskError for wrong input.
     """

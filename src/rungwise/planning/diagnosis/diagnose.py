@@ -147,7 +147,8 @@ def diagnose(
     limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> Diagnosis:
-    """Why the motion under these inputs differs between two rungs, two sets of parameters, or two accuracies.
+    """Why the motion of a scene under these inputs differs between two rungs, two sets of parameters, or two
+    accuracies.
 
     `other_parameters` and `other_tol` belong to `after`, and are the same as before if not given; `tol` is
     the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten

@@ -169,7 +169,9 @@ def verify(
             parameters. The plan's own mode if not given.
         rate: samples that are planned anew end as soon as the bound of success can no longer reach it.
         limit: seconds after which the call returns with the samples that were run; see `unfinished`.
+        seed: of the samples; threads: as many as there are cores if not given.
         cluster: address of a dask scheduler whose workers execute instead of threads.
+        on_progress: called with the number of samples done.
 
     Raises TaskError where there is no plan, or no move to guard.
     """

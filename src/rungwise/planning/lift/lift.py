@@ -14,7 +14,7 @@ import numpy as np
 
 from rungwise.deadline import TimeOver
 from rungwise.keywords import keywords
-from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
+from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
@@ -55,7 +55,7 @@ def plan(
     scene: AnyScene | str | Path | Mapping[str, Any],
     *,
     from_: Rung | str | None = None,
-    to: Rung | str = DYNAMIC_COMPLIANT,
+    to: Rung | str = "dynamic-compliant",
     schedule: Schedule | None = None,
     parameters: Mapping[str, float] | None = None,
     task_seed: int | None = None,

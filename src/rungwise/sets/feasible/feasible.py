@@ -235,6 +235,7 @@ def feasible_set(
         cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
         out: folder where batches are kept, those that a limit ended with the runs that were done, and in the
             end the set.
+        seed: of the random probes.
         resume: go on from the batches kept in `out`.
         on_progress: called with the present task, runs so far, and runs asked for so far.
 

@@ -52,8 +52,10 @@ def solution_sets(
     """The sets of a model by the slowest, by some and by all its motions, on the same box; a folder each in
     `out`.
 
-    Options and errors as for `feasible_set`; each set may take its share of what is left of `limit` seconds,
-    the first a third.
+    Args:
+        scene, model, over, tol, box, parameters, accuracy, probes, budget, seed, threads, cluster, resume,
+            on_progress: as for `feasible_set`, and so are the errors.
+        limit: seconds; each set may take its share of the time that is left, the first a third.
     """
     deadline = Deadline(seconds(limit))
 

@@ -108,8 +108,9 @@ class Replay:
 def replay(
     run: SpaceRun, *, in_: str = "mujoco", step: float | None = None, limit: float | None = None
 ) -> Replay:
-    """Give the inputs of a run to another simulator, from the same start, and compare the motions at the
-    run's frames. Velocities that the scene prescribes are set before each of the judge's steps.
+    """Give the inputs of a run to another simulator (`in_`: "mujoco"), from the same start, and compare the
+    motions at the run's frames. Velocities that the scene prescribes are set before each of the judge's
+    steps.
 
     `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. After
     `limit` seconds the motions are compared as far as the judge has come; see `unfinished`. Raises

@@ -50,12 +50,14 @@ def draw_parting(
     at: float | None = None,
     limit: float | None = None,
 ) -> Path:
-    """Draw a diagnosis: both motions where they part, or at the time `at`, and where they are farthest apart.
+    """Draw the diagnosis `found` of a scene: both motions where they part, or at the time `at`, and where
+    they are farthest apart.
 
     The runs are made again, from the inputs and accuracies in the diagnosis, at the parameters for which it
-    was made. The kind of file (png, svg, pdf) follows from its ending. Raises ViewError where matplotlib is
-    missing, the kind is unknown or the file cannot be written, and LimitError where `limit` seconds are over
-    before the runs are made: half of a motion is no picture of where two part.
+    was made: `parameters`, and `other_parameters` of the second run. The kind of file (png, svg, pdf) follows
+    from its ending. Raises ViewError where matplotlib is missing, the kind is unknown or the file cannot be
+    written, and LimitError where `limit` seconds are over before the runs are made: half of a motion is no
+    picture of where two part.
     """
     watch = Watch(None, Deadline(seconds(limit)))
     needs_matplotlib("parting")
