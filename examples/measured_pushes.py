@@ -1,10 +1,10 @@
-"""From measured pushes to a plan: fit, the simplest rung that explains them, a plan, and how often it succeeds.
+"""From measured pushes to a plan: fit, the simplest rung that explains them, a plan, and its rate of success.
 
     python examples/measured_pushes.py
 
 A rod pushes a box on a table a few times. The pushes are made by `dynamic-compliant` with the noise of a
-camera, in place of real ones; friction and the centre of pressure are to be found. The rung that explains them
-plans a push to a goal, robust to what the pushes left uncertain; the plan is then verified at the true
+camera, in place of real ones; friction and the centre of pressure are to be found. The rung that explains
+them plans a push to a goal, which is verified under what the pushes left uncertain, and run at the true
 values, which no fit has seen.
 """
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise import cli
 from rungwise.deadline import NEVER
 from rungwise.fitting.prepare import Options, prepare
 from rungwise.fitting.score import PHASES, mean_of, phase_of
@@ -96,21 +95,25 @@ def test_an_interrupt_gives_the_best_so_far() -> None:
         rw.fit(SCENE, "dynamic-rigid", motions, OVER, threads=1, on_progress=stop)
 
 
-def run_cli(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "rungwise", *words], capture_output=True, text=True)
+def test_the_command_fits_and_writes_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(*words: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["rungwise", *words])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return int(ended.value.code or 0)
 
-
-def test_the_command_fits_and_writes_the_scene(tmp_path: Path) -> None:
     scene, data, out = tmp_path / "square.yaml", tmp_path / "drops.csv", tmp_path / "found"
     scene.write_text(rw.load(SCENE).yaml())
     drops(6, 30).save(data)
     told = [f"--deviation={name}={value}" for name, value in DEVIATIONS.items()]
     command = ["fit", str(scene), "--data", str(data), "--model", "dynamic-rigid", "--over", "mu,e=0.2:0.6"]
-    ran = run_cli(*command, *told, "--threads", "1", "--out", str(out), "--json")
-    assert ran.returncode == 0
-    answer = json.loads(ran.stdout)
+    assert run(*command, *told, "--threads", "1", "--out", str(out), "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
     assert answer["values"] == pytest.approx(TRUE, abs=0.05) and answer["open"] == {}
     assert rw.load(out / "scene.yaml").parameters()["mu"] == answer["values"]["mu"]
-    shutil.rmtree(out)
-    wrong = run_cli(*command, "--deviation", "square.x")
-    assert wrong.returncode == 2 and "deviation: 'square.x' must be name=number" in wrong.stderr
+    assert run(*command, "--deviation", "square.x") == 2
+    assert "deviation: 'square.x' must be name=number" in capsys.readouterr().err
+    assert run(*command, "--resume") == 2
+    assert "resume: needs --out, the folder to go on in" in capsys.readouterr().err

@@ -98,8 +98,8 @@ def _bootstrap(
     total = np.einsum("bm,mkl->bkl", counts, bend) + 1e-6 * BOX_PRECISION * np.eye(k)
     moved = unit - np.linalg.solve(total, (counts @ gradient)[..., None])[..., 0]
     wider = np.sqrt(m / (m - 1.0)) * t.ppf(0.5 + CONFIDENCE / 2.0, m - 1) / norm.ppf(0.5 + CONFIDENCE / 2.0)
-    share = norm.cdf(wider * norm.ppf(0.5 - CONFIDENCE / 2.0))
-    return np.asarray(np.quantile(moved, [share, 1.0 - share], axis=0))
+    ends = np.quantile(moved, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0], axis=0)
+    return np.asarray(unit + wider * (ends - unit))
 
 
 def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> Reals:
