@@ -77,7 +77,7 @@ def test_a_run_without_time_is_returned_as_it_begins(model: rw.Rung, scene: str)
 
 
 def test_a_step_that_takes_minutes_ends_with_its_limit() -> None:
-    run = rw.simulate(jam(4, 5, 1.0), rw.QUASISTATIC_COMPLIANT, limit=0.5)
+    run = rw.simulate(jam(3, 6, 1.0), rw.QUASISTATIC_COMPLIANT, limit=0.5)
     assert run.outcome == "running" and run.time < 0.01 and "0.5 s are over" in run.reason
 
 
