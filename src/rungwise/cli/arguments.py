@@ -59,6 +59,11 @@ def parameters(context: typer.Context, incomplete: str) -> list[str]:
     return [f"{before}{comma}{each}" for each in known if each.startswith(name)]
 
 
+def rung(about: str, name: str = "--model") -> Any:
+    """An option whose value is the name of a rung."""
+    return typer.Option(name, autocompletion=rungs, help=about)
+
+
 SceneArgument = Annotated[
     str,
     typer.Argument(
@@ -68,6 +73,14 @@ SceneArgument = Annotated[
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", help="name=value of a parameter; may be repeated.", autocompletion=parameters),
+]
+OverOption = Annotated[
+    str,
+    typer.Option(
+        "--over",
+        autocompletion=parameters,
+        help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
+    ),
 ]
 SettleOption = Annotated[
     bool,

@@ -20,7 +20,7 @@ def compare(
     scene: arg.SceneArgument,
     model: Annotated[
         str,
-        typer.Option("--model", autocompletion=arg.rungs, help="Only pairs with this rung, or all."),
+        arg.rung("Only pairs with this rung, or all."),
     ] = "all",
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,

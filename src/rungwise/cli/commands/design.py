@@ -14,22 +14,11 @@ from rungwise.cli.terminal import answer, plain_errors, stoppable
 
 def design(
     scene: arg.SceneArgument,
-    over: Annotated[
-        str,
-        typer.Option(
-            "--over",
-            autocompletion=arg.parameters,
-            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
-        ),
-    ],
-    model: Annotated[
-        str, typer.Option("--model", autocompletion=arg.rungs, help="Rung on which to succeed.")
-    ] = "dynamic-compliant",
+    over: arg.OverOption,
+    model: Annotated[str, arg.rung("Rung on which to succeed.")] = "dynamic-compliant",
     from_: Annotated[
         str | None,
-        typer.Option(
-            "--from", autocompletion=arg.rungs, help="Rung of which on designs are searched, rung after rung."
-        ),
+        arg.rung("Rung of which on designs are searched, rung after rung.", "--from"),
     ] = None,
     robust: Annotated[
         bool, typer.Option("--robust", help="Under what the scene's task calls uncertain.")

@@ -16,7 +16,7 @@ def doomed(
     scene: arg.SceneArgument,
     model: Annotated[
         str,
-        typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder, with rigid contact."),
+        arg.rung("Rung of the ladder, with rigid contact."),
     ],
     over: Annotated[
         str, typer.Option("--over", help="States, NAME or NAME=LOW:HIGH, separated by commas.")

@@ -16,19 +16,10 @@ from rungwise.cli.terminal import INTERRUPTED, answer, plain_errors, refuse, sho
 def fit(
     scene: arg.SceneArgument,
     data: Annotated[Path, typer.Option("--data", help="Measured motions, CSV: trial, time, coordinates.")],
-    over: Annotated[
-        str,
-        typer.Option(
-            "--over",
-            autocompletion=arg.parameters,
-            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
-        ),
-    ],
+    over: arg.OverOption,
     model: Annotated[
         str,
-        typer.Option(
-            "--model", autocompletion=arg.rungs, help="Rung of the ladder, or all: which one explains."
-        ),
+        arg.rung("Rung of the ladder, or all: which one explains."),
     ],
     values: arg.SetOption = None,
     deviation: Annotated[

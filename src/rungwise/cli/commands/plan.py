@@ -21,13 +21,9 @@ def plan(
     scene: arg.SceneArgument,
     from_: Annotated[
         str | None,
-        typer.Option(
-            "--from", autocompletion=arg.rungs, help="First rung; the plan climbs from it, rung by rung."
-        ),
+        arg.rung("First rung; the plan climbs from it, rung by rung.", "--from"),
     ] = None,
-    to: Annotated[
-        str, typer.Option("--to", autocompletion=arg.rungs, help="Rung on which the plan must hold.")
-    ] = "dynamic-compliant",
+    to: Annotated[str, arg.rung("Rung on which the plan must hold.", "--to")] = "dynamic-compliant",
     schedule: Annotated[
         str | None,
         typer.Option(

@@ -15,7 +15,7 @@ from rungwise.cli.arguments import (
     load_scene,
     numeric,
     parameters_of,
-    rungs,
+    rung,
     scenes,
 )
 from rungwise.cli.terminal import answer, plain_errors, refuse
@@ -39,11 +39,7 @@ def replay(
     judge: Annotated[str, typer.Option("--in", help="The other simulator: mujoco.")] = "mujoco",
     model: Annotated[
         str | None,
-        typer.Option(
-            "--model",
-            autocompletion=rungs,
-            help="Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given.",
-        ),
+        rung("Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given."),
     ] = None,
     values: SetOption = None,
     duration: Annotated[float | None, numeric("--time", "End of the run.")] = None,

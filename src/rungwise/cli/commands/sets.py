@@ -15,17 +15,8 @@ from rungwise.wording import choices
 
 def sets(
     scene: arg.SceneArgument,
-    model: Annotated[
-        str, typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder, or all.")
-    ],
-    over: Annotated[
-        str,
-        typer.Option(
-            "--over",
-            autocompletion=arg.parameters,
-            help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
-        ),
-    ],
+    model: Annotated[str, arg.rung("Rung of the ladder, or all.")],
+    over: arg.OverOption,
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
     solutions: Annotated[

@@ -17,7 +17,7 @@ def sim(
     scene: arg.SceneArgument,
     model: Annotated[
         str,
-        typer.Option("--model", autocompletion=arg.rungs, help="Rung of the ladder (see `rungwise models`)."),
+        arg.rung("Rung of the ladder (see `rungwise models`)."),
     ],
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,

@@ -16,7 +16,7 @@ def verify(
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A saved plan (JSON).")],
     model: Annotated[
         str | None,
-        typer.Option("--model", autocompletion=arg.rungs, help="Rung; the plan's own if not given."),
+        arg.rung("Rung; the plan's own if not given."),
     ] = None,
     samples: Annotated[int, typer.Option("--samples", min=1, help="How many runs.")] = 200,
     mode: Annotated[

@@ -15,7 +15,7 @@ from rungwise.cli.arguments import (
     load_plan_file,
     load_with,
     numeric,
-    rungs,
+    rung,
 )
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 from rungwise.simulation.any_run import AnyRun
@@ -36,11 +36,7 @@ def view(
     ],
     model: Annotated[
         list[str] | None,
-        typer.Option(
-            "--model",
-            autocompletion=rungs,
-            help="Rung to run on; may be repeated. All that move, or the plan's own, if not given.",
-        ),
+        rung("Rung to run on; may be repeated. All that move, or the plan's own, if not given."),
     ] = None,
     values: SetOption = None,
     settle: SettleOption = False,
