@@ -31,9 +31,7 @@ def design(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the search and of the draws.")] = 0,
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Scene file with the best values as defaults.")
-    ] = None,
+    out: Annotated[Path | None, arg.path("--out", "Scene file with the best values as defaults.")] = None,
     force: arg.ForceOption = False,
     png: Annotated[Path | None, arg.path("--png", "Picture: how far each may drift.")] = None,
     threads: arg.ThreadsOption = None,

@@ -40,7 +40,7 @@ def fit(
     seed: arg.SeedOption = 0,
     threads: arg.ThreadsOption = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for batches, the answer, and the scene found.")
+        Path | None, arg.path("--out", "Folder for batches, the answer, and the scene found.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
     force: arg.ForceOption = False,

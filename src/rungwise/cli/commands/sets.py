@@ -43,12 +43,12 @@ def sets(
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
     force: arg.ForceOption = False,
     html: Annotated[
-        Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
+        Path | None, arg.path("--html", "Surfaces, slices and runs in one file, for a browser.")
     ] = None,
     table: Annotated[Path | None, arg.path("--csv", "Table of all runs and boundary points.")] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
+        arg.path("--mesh", "Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
     ] = None,
     as_json: arg.JsonOption = False,
 ) -> int:

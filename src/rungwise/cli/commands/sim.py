@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from rungwise.cli import arguments as arg
 from rungwise.cli import progress
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json, writable_to
@@ -38,14 +36,14 @@ def sim(
     ] = None,
     inputs: Annotated[
         Path | None,
-        typer.Option("--inputs", help="YAML file: a list of segments for the scene's inputs over time."),
+        arg.path("--inputs", "YAML file: a list of segments for the scene's inputs over time."),
     ] = None,
     limit: arg.LimitOption = None,
     out: Annotated[Path | None, arg.path("--out", "Folder for trajectory and summary.")] = None,
     force: arg.ForceOption = False,
     save_hard: Annotated[
         Path | None,
-        typer.Option("--save-hard", help="Folder for the problems of hard steps, at most 101 (FCLIB)."),
+        arg.path("--save-hard", "Folder for the problems of hard steps, at most 101 (FCLIB)."),
     ] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
