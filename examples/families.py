@@ -52,18 +52,18 @@ def draw_families(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure = Figure(figsize=(8.6, 10.7), dpi=150)
+    figure = Figure(figsize=(8.6, 11.3), dpi=150)
     for k, family in enumerate(families):
-        left, top = 0.01 + 0.495 * (k % 2), 0.99 - 0.468 * (k // 2)
+        left, top = 0.01 + 0.495 * (k % 2), 0.99 - 0.445 * (k // 2)
         axes = cast(
             "Axes3D",
-            figure.add_axes((left, top - 0.375, 0.48, 0.375), projection="3d", computed_zorder=False),
+            figure.add_axes((left, top - 0.356, 0.48, 0.356), projection="3d", computed_zorder=False),
         )
         space = Space(family.scene)
         draw_strata(axes, space, strata(space, low, high), low, high, ORDER)
         _runs(axes, family.runs, family.beyond)
         figure.text(left + 0.24, top, family.title, ha="center", va="top", fontsize=12)
-        _bar(figure.add_axes((left + 0.12, top - 0.436, 0.3, 0.05)), family.caught, bands, ratio_range)
+        _bar(figure.add_axes((left + 0.12, top - 0.414, 0.3, 0.0475)), family.caught, bands, ratio_range)
     handles = [
         Line2D([], [], color=CAUGHT, lw=2, marker="o", ms=4, label="run that reaches the goal"),
         Line2D([], [], color=LOST, lw=2, marker="x", ms=5, label="run that is lost, by the scene's rule"),
