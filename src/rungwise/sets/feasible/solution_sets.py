@@ -53,8 +53,8 @@ def solution_sets(
     `out`.
 
     Args:
-        scene, model, over, tol, box, parameters, accuracy, probes, budget, seed, threads, cluster, resume,
-            on_progress: as for `feasible_set`, and so are the errors.
+        scene, model, over, tol, box, parameters: as for `feasible_set`, and so are the errors.
+        accuracy, probes, budget, seed, threads, cluster, resume, on_progress: as for `feasible_set`.
         limit: seconds; each set may take its share of the time that is left, the first a third.
     """
     deadline = Deadline(seconds(limit))
