@@ -81,7 +81,7 @@ def test_joints_of_a_start_may_be_open_by_a_hundredth(
         overlaps=lambda _: [], violations=lambda _: [(open_by, 0, 0)], size=SimpleNamespace(length=1.0)
     )
     monkeypatch.setattr(begin, "_told", lambda *_: "open")
-    scene: Any = None
+    scene: Any = SimpleNamespace(file=SimpleNamespace(start=SimpleNamespace(settle=False)))
     assert (begin.misplaced(scene, space, np.zeros(1), [], "start") == "") == begins
 
 
