@@ -13,9 +13,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.balance import modes, motion, rests
-from rungwise.planning.modes.cones import PART, SLIDE
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.follow import follow
+from rungwise.planning.modes.forces.cones import PART, SLIDE
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner

@@ -8,14 +8,16 @@ over the edges of the cones (Lawson and Hanson 1974).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.cones import (
+from rungwise.planning.modes.forces.cones import (
     PART,
+    SLIDE,
     STICK,
     Memory,
     balances,
@@ -25,9 +27,18 @@ from rungwise.planning.modes.cones import (
     presses,
     see,
 )  # fmt: skip
+from rungwise.planning.modes.forces.motions import (
+    GAIN,
+    KEPT,
+    LONGEST,
+    every_mode,
+    leans,
+    projected,
+    pushed,
+    turn,
+)
 from rungwise.planning.modes.grips import Grip, grips, touching
 from rungwise.planning.modes.ground import Ground, Seen
-from rungwise.planning.modes.motions import GAIN, KEPT, LONGEST, every_mode, leans, projected, pushed, turn
 
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
@@ -49,7 +60,11 @@ def modes(ground: Ground, seen: Seen, want: Reals) -> list[tuple[tuple[int, ...]
     found = every_mode(count, want, memory)
     motions = memory.motions[:found].copy()
     order = np.argsort(-(motions @ want), kind="stable")
-    return [(tuple(memory.modes[k, :count].tolist()), motions[k]) for k in order]
+    kinds = memory.modes[:found, :count].copy()
+    if ground.pushes:
+        slips = np.abs(motions @ memory.tangents[:count].T)
+        kinds[(kinds == SLIDE) & (slips <= KEPT * np.linalg.norm(motions, axis=1)[:, None])] = STICK
+    return [(tuple(kinds[k].tolist()), motions[k]) for k in order]
 
 
 def is_led(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...]) -> bool:
@@ -66,12 +81,16 @@ def is_led(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...]) -> boo
 
 def carried(ground: Ground, seen: Seen) -> tuple[Reals, float] | None:
     """The rows (r, k) of the support under the object, over its units, and the greatest force; None where
-    there is none."""
+    there is none. Of two objects, one of which pushes the other, those with the lesser force count less: as
+    if both moved at one speed."""
     if not len(ground.supporting):
         return None
     surfaces = seen.touches.supports
     rows = surfaces.rows[ground.supporting[:, None], ground.columns] / ground.units
-    return rows, float(surfaces.limits[ground.supporting].max())
+    limits = surfaces.limits[ground.supporting]
+    if ground.pushes:
+        rows = rows * np.sqrt(limits / limits.max())[:, None]
+    return rows, float(limits.max())
 
 
 def motion(
@@ -218,4 +237,20 @@ def _on_support(
         touches.rows, touches.friction, held.contacts, kept, ground.columns, ground.units, mode, want, rows,
         limit, ground.fingers[0].reserve, most, memory,
     )  # fmt: skip
-    return Motion(memory.change / ground.units, memory.pushes.copy(), held.led) if moves else None
+    if not moves:
+        return None
+    more = _both(ground, seen, rows @ memory.change) if ground.pushes else 1.0
+    return Motion(memory.change / ground.units, more * memory.pushes, held.led)
+
+
+def _both(ground: Ground, seen: Seen, rates: Reals) -> float:
+    """How many times the greatest force of a support two objects take as they slide so, by the rates (r,) of
+    the weighed rows of their supports."""
+    surfaces = seen.touches.supports
+    limits = surfaces.limits[ground.supporting]
+    of_last = np.abs(surfaces.rows[ground.supporting[:, None], ground.columns[ground.aims]]).max(axis=1) > 0.0
+    total = 0.0
+    for own in (of_last, ~of_last):
+        if own.any():
+            total += math.sqrt(limits[own].max() / limits.max()) * float(np.linalg.norm(rates[own]))
+    return total / float(np.linalg.norm(rates))

@@ -21,7 +21,9 @@ from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
 from rungwise.planning.motion.settle import HELD
 from rungwise.planning.search.layout import FOLLOW, LATER, WAIT, Course
 from rungwise.planning.search.problem import Found, Work
+from rungwise.scene.language.lasting import names_in
 from rungwise.simulation.inputs import Segment
+from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
@@ -94,11 +96,26 @@ class Scene:
         placed = placed_part(task.search.file.goal or "")
         assert placed is not None
         self.placed = Question(task.search, placed, task.parameters)
-        self._numbers = {ground.body: ground for ground in self.grounds.values()}
+        self._add_pushed(around)
+        self._all = list(self.grounds.values())
+        self._wide = max(len(ground.columns) for ground in self._all)
+
+    def _add_pushed(self, around: Surroundings) -> None:
+        """Objects of which the goal speaks, as pushed by others that fingers may touch."""
+        task, names = self.work.task, list(self.work.task.scene.template.bodies)
+        roles, contacts = world_of(task.scene).roles(task.parameters), task.scene.template.contacts
+        asked = {name for texts in self.placed.parts for text in texts for name in names_in(text)}
+        free = {name for name in names if (around.owners == names.index(name)).sum() == 3}
+        for first in list(self.grounds):
+            for last, role in roles.items():
+                touches = (first, last) in contacts or (last, first) in contacts
+                if role == OBJECT and touches and last in asked and {first, last} <= free:
+                    own = Ground.of(task, around, self.fingers, names.index(first), names.index(last))
+                    self.grounds[f"{first} pushes {last}"] = own
 
     def name(self, ground: Ground) -> str:
-        """The name of an object."""
-        return next(name for name, own in self.grounds.items() if own is ground)
+        """The name of the object that is to come to the goal."""
+        return str(self.work.task.scene.template.bodies[ground.last])
 
     def root(self) -> Node:
         """Where planning starts."""
@@ -106,9 +123,12 @@ class Scene:
         return Node(work.start, work.task.before, work.start.q[0].copy(), float(work.lack(work.start)[0]))
 
     def vector(self, ground: Ground, leg: Leg, manner: Manner) -> Reals:
-        """A leg as numbers (d,): the object and where it is led, how, and where the fingers are."""
+        """A leg as numbers (d,): the object, by its number among those that are led, and where it is led,
+        how, and where the fingers are."""
         first, last = ground.look(leg.way.places[0]), leg.way.places[-1]
-        found = [float(ground.body), manner.press, *last[ground.columns]]
+        number = next(k for k, own in enumerate(self._all) if own is ground)
+        found = [float(number), manner.press, *last[ground.columns]]
+        found += [0.0] * (self._wide - len(ground.columns))
         for f, finger in enumerate(self.fingers):
             used = bool(leg.way.used[f])
             part = ground.part(first, f)[0] if used and first.held[f] >= 0 else 0.0
@@ -120,10 +140,10 @@ class Scene:
     ) -> Begun | None:  # fmt: skip
         """The leg of these numbers (d,), made again from a place (n,); None where that cannot be. `look` is
         called with the steps that it takes, and may raise."""
-        ground = self._numbers[int(vector[0])]
-        seen, k = ground.look(q), 2 + len(ground.columns)
+        ground = self._all[int(vector[0])]
+        seen, k = ground.look(q), 2 + self._wide
         target, begun = q.copy(), q.copy()
-        target[ground.columns] = vector[2:k]
+        target[ground.columns] = vector[2 : 2 + len(ground.columns)]
         changes, used = (np.zeros(len(self.fingers), np.int64) for _ in range(2))
         for f, finger in enumerate(self.fingers):
             width = 3 + len(finger.carrier.columns)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.planning.modes.arms import Arm, arm_of
@@ -14,6 +16,7 @@ from rungwise.planning.task.fingers import fingers_of as stated
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Carrier
 
+Flags: TypeAlias = NDArray[np.bool_]
 STRONGEST = 0.9
 """Part of the greatest force of a finger with which it presses at most."""
 
@@ -130,3 +133,47 @@ def touch(rows: Reals, gaps: Reals, held: Ints, used: Ints, placing: Ints, q: Re
         x, y = rows[held[f], 0, i], rows[held[f], 0, j]
         q[i] -= x * gaps[held[f]] / (x * x + y * y)
         q[j] -= y * gaps[held[f]] / (x * x + y * y)
+
+
+@kernel
+def sort_touches(
+    gaps: Reals, pairs: Ints, near: float, surrounds: Flags, own: Ints, closed: Ints, held: Ints
+) -> int:  # fmt: skip
+    """Of contacts (c,), write the closed ones with the surroundings, and the nearest closed one of each
+    finger (f,), -1 where there is none; returns how many the first are."""
+    count = 0
+    for f in range(len(own)):
+        held[f] = -1
+    for k in range(len(gaps)):
+        if not gaps[k] < near:
+            continue
+        if surrounds[pairs[k]]:
+            closed[count] = k
+            count += 1
+        for f in range(len(own)):
+            if own[f] == pairs[k] and (held[f] < 0 or gaps[k] < gaps[held[f]]):
+                held[f] = k
+    return count
+
+
+@kernel
+def are_apart(
+    least: Reals, pairs: Ints, avoided: Ints, own: Ints, used: Ints, closed: float, apart: float, q: Reals,
+    placing: Ints, reach: Reals,
+) -> bool:  # fmt: skip
+    """See `Ground.is_free`, but for arms."""
+    for k in range(len(avoided)):
+        if not least[avoided[k]] >= apart:
+            return False
+    for k in range(len(pairs)):
+        if not least[pairs[k]] >= -closed:
+            return False
+    for f in range(len(own)):
+        if own[f] >= 0 and used[f] == 0 and not least[own[f]] >= apart:
+            return False
+        for axis in range(2):
+            if placing[f, axis] >= 0:
+                place = q[placing[f, axis]]
+                if not (reach[f, 0, axis] <= place and place <= reach[f, 1, axis]):
+                    return False
+    return True

@@ -9,11 +9,13 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.balance import motion
-from rungwise.planning.modes.cones import PART, STICK
+from rungwise.planning.modes.forces.cones import PART, STICK
 from rungwise.planning.modes.ground import Ground, Seen
 
 STEP, LONGEST = 0.04, 400
 """Length of a step, in parts of the object's size, and most steps."""
+SHORTER = tuple(0.5**k for k in range(7))
+"""Parts of a step that are tried, one after the other, where objects that push others would overlap them."""
 ARRIVED = 1e-3
 """Distance from the target, in parts of the size, at which it counts as reached."""
 NEIGHBOUR = 0.1
@@ -85,11 +87,14 @@ def follow(
         if length < 0.02 * float(np.linalg.norm(want)) or length < 0.1 * ARRIVED * size:
             why = STALLED
             break
-        moved = ground.moved(seen, found.change * min(1.0, STEP * size / length), used, found.led)
         kept = {f for f, kind in zip(roles.features, roles.kinds, strict=True) if kind != PART}
-        after = ground.corrected(moved, kept, used)
-        own = roles.of(after, NEIGHBOUR * size)
-        why = _stopped(ground, after, used) or _runs_into(ground, after, own)
+        for part in SHORTER if ground.pushes else SHORTER[:1]:
+            change = found.change * part * min(1.0, STEP * size / length)
+            after = ground.corrected(ground.moved(seen, change, used, found.led), kept, used)
+            own = roles.of(after, NEIGHBOUR * size)
+            why = _stopped(ground, after, used) or _runs_into(ground, after, own)
+            if why != OVERLAP:
+                break
         if why:
             break
         seen, why = after, LENGTH

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.arms import Arm
-from rungwise.planning.modes.cones import Memory, memory_for, see
-from rungwise.planning.modes.fingers import Finger, carry, touch
-from rungwise.planning.modes.motions import turn
+from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sort_touches, touch
+from rungwise.planning.modes.forces.cones import Memory, memory_for, see
+from rungwise.planning.modes.forces.motions import turn
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches
 from rungwise.world.contract import OBJECT
@@ -35,7 +34,6 @@ BEGUN = (0.25, 0.75, 0.5)
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a joint in one, in radians; damping, in parts of the
 size."""
-Flags: TypeAlias = NDArray[np.bool_]
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
 ROUND, SPINS = 1e-9, 0.1
@@ -60,15 +58,18 @@ class Seen(NamedTuple):
 @dataclass(frozen=True)
 class Ground:
     """An object, by its number and its columns (k,) of coordinates with their units (k,) as lengths; its
-    fingers and its surroundings. pairs: the scene's contacts of the object with what is no finger,
-    and surrounds (c,), which these are; beside (c,): those of them with other objects; own (f,):
-    with each finger; avoided (a,): of fingers with all else."""
+    fingers and its surroundings. Where it is to push another one, `last` is that one, else the same; the
+    columns of both follow each other, and `aims` (k,) are those of the last. pairs: the scene's contacts of
+    the object with what is no finger, and surrounds (c,), which these are; beside (c,): those of them with
+    other objects; own (f,): with each finger; avoided (a,): of fingers with all else."""
 
     task: Task
     around: Surroundings
     fingers: tuple[Finger, ...]
     body: int
+    last: int
     columns: Ints
+    aims: Flags
     units: Reals
     pairs: Ints
     surrounds: Flags
@@ -80,10 +81,14 @@ class Ground:
     _memories: list[Memory] = field(default_factory=list)
 
     @classmethod
-    def of(cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int) -> Ground:
-        """The object with this number."""
+    def of(
+        cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int, last: int | None = None
+    ) -> Ground:  # fmt: skip
+        """The object with this number, which is to push the last one, if one is given."""
         names, contacts = list(task.scene.template.bodies), task.scene.template.contacts
-        columns = np.flatnonzero(around.owners == body)
+        both = (body,) if last is None else (body, last)
+        columns = np.concatenate([np.flatnonzero(around.owners == each) for each in both])
+        last = body if last is None else last
         touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
         pairs, avoided, own = list[int](), list[int](), [-1] * len(fingers)
         links = {int(k) for f in fingers if f.arm is not None for k in around.owners[f.arm.columns]}
@@ -94,18 +99,24 @@ class Ground:
                 own[touching[of_finger[0]]] = k
             elif of_finger or links & {a, b}:
                 avoided.append(k)
-            elif body in (a, b):
+            elif {a, b} & set(both):
                 pairs.append(k)
         surrounds, beside = np.zeros(len(contacts), bool), np.zeros(len(contacts), bool)
         surrounds[pairs] = True
         roles = world_of(task.scene).roles(task.parameters)
-        beside[pairs] = [all(roles[name] == OBJECT for name in contacts[k]) for k in pairs]
+        within = {names[each] for each in both}
+        beside[pairs] = [
+            all(roles[name] == OBJECT for name in contacts[k]) and set(contacts[k]) != within for k in pairs
+        ]
         least = min(finger.carrier.clearance for finger in fingers)
-        units, angle = task.weights[columns].copy(), f"{names[body]}.angle"
-        if angle not in (task.scene.file.goal or "") and _is_round(around, body, task.size):
-            units[[task.scene.template.coordinates[k] == angle for k in columns]] *= SPINS
+        units = task.weights[columns].copy()
+        for each in both:
+            angle = f"{names[each]}.angle"
+            if angle not in (task.scene.file.goal or "") and _is_round(around, each, task.size):
+                units[[task.scene.template.coordinates[k] == angle for k in columns]] *= SPINS
         return cls(
-            task, around, fingers, body, columns, units, np.array(pairs, np.int64), surrounds,
+            task, around, fingers, body, last, columns, around.owners[columns] == last, units,
+            np.array(pairs, np.int64), surrounds,
             beside, np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
         )  # fmt: skip
 
@@ -113,8 +124,23 @@ class Ground:
         """What touches at a place (n,)."""
         touches = self.around.touches(q, 4.0 * self.closed)
         closed, held = np.empty(len(touches.gaps), np.int64), np.empty(len(self.fingers), np.int64)
-        count = _sort(touches.gaps, touches.pairs, self.closed, self.surrounds, self.own, closed, held)
+        count = sort_touches(touches.gaps, touches.pairs, self.closed, self.surrounds, self.own, closed, held)
         return Seen(q, touches, closed[:count], held)
+
+    @property
+    def pushes(self) -> bool:
+        """Whether it is to push another object."""
+        return self.last != self.body
+
+    @cached_property
+    def between(self) -> tuple[int, float]:
+        """The scene's contact of the two objects, and the sign with which its normal goes into the last."""
+        names = self.task.scene.template.bodies
+        pair = (names[self.last], names[self.body])
+        for k, own in enumerate(self.task.scene.template.contacts):
+            if set(own) == set(pair):
+                return k, 1.0 if own == pair else -1.0
+        return -1, 1.0
 
     def away(self, a: Reals, b: Reals) -> float:
         """How far the object is from one place (n,) to another."""
@@ -122,7 +148,7 @@ class Ground:
 
     def is_free(self, seen: Seen, used: Ints) -> bool:
         """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
-        free = _is_apart(
+        free = are_apart(
             seen.touches.least, self.pairs, self.avoided, self.own, used, self.closed, self.apart, seen.q,
             self.placing, self.reach,
         )  # fmt: skip
@@ -347,47 +373,3 @@ def _is_round(around: Surroundings, body: int, size: float) -> bool:
     """Whether the outline of a body is a circle about its centre of mass."""
     points, _ = around.outline(body)(np.arange(0.5, AROUND) / AROUND)
     return float(np.ptp(np.linalg.norm(points, axis=1))) <= ROUND * size
-
-
-@kernel
-def _sort(
-    gaps: Reals, pairs: Ints, near: float, surrounds: Flags, own: Ints, closed: Ints, held: Ints
-) -> int:  # fmt: skip
-    """Of contacts (c,), write the closed ones with the surroundings, and the nearest closed one of each
-    finger (f,), -1 where there is none; returns how many the first are."""
-    count = 0
-    for f in range(len(own)):
-        held[f] = -1
-    for k in range(len(gaps)):
-        if not gaps[k] < near:
-            continue
-        if surrounds[pairs[k]]:
-            closed[count] = k
-            count += 1
-        for f in range(len(own)):
-            if own[f] == pairs[k] and (held[f] < 0 or gaps[k] < gaps[held[f]]):
-                held[f] = k
-    return count
-
-
-@kernel
-def _is_apart(
-    least: Reals, pairs: Ints, avoided: Ints, own: Ints, used: Ints, closed: float, apart: float, q: Reals,
-    placing: Ints, reach: Reals,
-) -> bool:  # fmt: skip
-    """See `Ground.is_free`, but for arms."""
-    for k in range(len(avoided)):
-        if not least[avoided[k]] >= apart:
-            return False
-    for k in range(len(pairs)):
-        if not least[pairs[k]] >= -closed:
-            return False
-    for f in range(len(own)):
-        if own[f] >= 0 and used[f] == 0 and not least[own[f]] >= apart:
-            return False
-        for axis in range(2):
-            if placing[f, axis] >= 0:
-                place = q[placing[f, axis]]
-                if not (reach[f, 0, axis] <= place and place <= reach[f, 1, axis]):
-                    return False
-    return True

@@ -36,8 +36,9 @@ ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
 objects, and a turn by modes where they do not."""
 SPARING = 4.0
 """How much more a node with a course lacks where more of its moves than of the course are spent."""
-OTHERS = 0.1
-"""How often another object than one of the goal is moved."""
+OTHERS, THROUGH = 0.1, 0.1
+"""How often another object than one of the goal is moved; and how often one that fingers may touch is pushed
+by another."""
 STEP = 3
 """Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
 searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
@@ -235,8 +236,12 @@ class ModePlanner:
     def _object(self, q: Reals) -> Ground:
         """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at
         times another."""
-        grounds = list(self.scene.grounds.values())
+        grounds = [ground for ground in self.scene.grounds.values() if not ground.pushes]
         wanted = [ground for ground in self._wanted() if not self._reached(ground)(q)]
+        touched = {ground.body for ground in grounds}
+        direct = [ground for ground in wanted if not ground.pushes or ground.last not in touched]
+        if direct and len(direct) < len(wanted) and self.work.rng.random() > THROUGH:
+            wanted = direct
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
             grounds = wanted
         return grounds[int(self.work.rng.integers(len(grounds)))]
@@ -253,14 +258,16 @@ class ModePlanner:
 
     def _goals(self, ground: Ground, q: Reals) -> Reals:
         """Places (g, n) at the goal, those next to q (n,) first."""
-        goals = np.repeat(q[None], len(self._places), axis=0)
-        goals[:, ground.columns] = self._places[:, ground.columns]
+        goals, own = np.repeat(q[None], len(self._places), axis=0), ground.columns[ground.aims]
+        goals[:, own] = self._places[:, own]
         away = [ground.away(q, goal) for goal in goals]
         return goals[np.argsort(away, kind="stable")]
 
     def _course(self, ground: Ground) -> Reals:
         """Places (k, n) of an object on its way from the start to the goal: as given, else one of the
         shortest that were found, in turn; none where it goes straight."""
+        if ground.pushes:
+            return np.zeros((0, len(self.work.start.q[0])))
         if len(self._asked.path):
             return self._asked.path
         if ground.body not in self._courses:

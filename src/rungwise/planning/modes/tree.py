@@ -19,6 +19,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.balance import carried, could, held_edges, is_led, modes, motion, rests
 from rungwise.planning.modes.follow import Way, follow
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.pushed import led_target
 from rungwise.planning.search.problem import LEGS, TREES
 
 TO_GOAL = 0.7
@@ -164,7 +165,7 @@ def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
 
 def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator) -> int:
     """The node to go on from: near to the target, and not often chosen before."""
-    away = np.linalg.norm(tree.places - target[ground.columns] * ground.units, axis=1)
+    away = np.linalg.norm((tree.places - target[ground.columns] * ground.units) * ground.aims, axis=1)
     weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
     node = int(weighed.argmin())
     tree.chosen[node] += 1
@@ -177,6 +178,7 @@ def _extended(
 ) -> Iterator[Leg]:  # fmt: skip
     """Legs from a node towards a target, in some of its modes: the best, and at times others."""
     seen, used = tree.seen[node], tree.used[node]
+    target = led_target(ground, seen, target, rng)
     want = (target - seen.q)[ground.columns] * ground.units
     if not want.any():
         return

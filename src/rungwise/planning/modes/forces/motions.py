@@ -6,7 +6,7 @@ import math
 
 from rungwise.contact.linear import invert
 from rungwise.kernel import Ints, Reals, kernel
-from rungwise.planning.modes.cones import (
+from rungwise.planning.modes.forces.cones import (
     AMID,
     MOST,
     PART,

@@ -1,0 +1,1 @@
+"""Kernels of contact modes: forces in friction cones, and motions that contacts allow."""

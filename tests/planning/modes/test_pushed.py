@@ -1,0 +1,100 @@
+"""An object that fingers may touch pushes another one, of which the goal speaks, to its place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.modes.balance import modes, motion
+from rungwise.planning.modes.execute import Scene
+from rungwise.planning.modes.pushed import led_target
+from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.search.problem import begin
+from rungwise.planning.task.task import task_of
+
+SIDE, MASS, RUB, GRAVITY = 0.06, 0.4, 0.3, 9.81
+STIFF = {"stiffness": 1e5, "damping": 100.0}
+PALM = {"kind": "box", "width": 0.01, "height": 0.04}
+DISC = {"kind": "disc", "radius": 0.006}
+
+
+def in_line(
+    places: list[tuple[float, float]], shape: Any, contacts: int = 1, heavier: float = 1.0
+) -> rw.Scene:
+    """Fingers at these places, a box that they may touch, and one beyond it that is to go on (top view)."""
+    parameters, bodies = dict[str, Any](), dict[str, Any]()
+    for k, place in enumerate(places):
+        drives = dict[str, Any]()
+        for axis, at in zip("xy", place, strict=True):
+            parameters[f"{axis}{k}"] = {"default": at, "range": [-2, 2]}
+            servo = {"kind": "servo", "target": f"{axis}{k}", "stiffness": 1000, "damping": 20, "limit": 30}
+            drives[axis] = {"drive": servo}
+        bodies[f"finger{k}"] = {
+            "role": "robot", "shape": shape, "pose": dict(zip("xy", place, strict=True)), "mass": 0.1,
+            "motion": {"kind": "free"},
+            "coordinates": drives | {"angle": {"drive": {"kind": "speed", "speed": 0}}},
+        }  # fmt: skip
+    for name, x, mass in (("near", -0.1, MASS), ("far", 0.05, heavier * MASS)):
+        bodies[name] = {
+            "role": "object", "shape": {"kind": "box", "width": SIDE, "height": SIDE}, "pose": {"x": x},
+            "motion": {"kind": "free"}, "mass": mass, "support": {"friction": RUB, "gravity": GRAVITY},
+        }  # fmt: skip
+    pairs = [("finger*", "near"), ("finger*", "far"), ("near", "far"), ("finger*", "finger*")]
+    entries = [
+        {"between": pair, "friction": 0.4, **STIFF} for pair in (pairs if len(places) > 1 else pairs[:3])
+    ]
+    finger = {"speed": 0.1, "clearance": 0.006, "objects": "near", "contacts": contacts}
+    return rw.load(
+        {
+            "name": "in_line", "parameters": parameters, "inputs": list(parameters), "bodies": bodies,
+            "contacts": entries, "goal": "hypot(far.x - 0.2, far.y) <= 0.01 and abs(far.angle) <= 0.1",
+            "duration": 100, "step": 1e-3, "tolerance": 1e-4,
+            "task": {"fingers": {"finger*": finger}, "moves": [1, 6]},
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("heavier", [1.0, 3.0])
+def test_a_push_through_another_box_takes_the_friction_of_both(heavier: float) -> None:
+    """The first goes behind the second, until it touches; then both go on, and the palm pushes for both."""
+    work = begin(task_of(in_line([(-0.135, 0.0)], PALM, 2, heavier)), Budget(), 0, None)
+    ground, q = Scene(work).grounds["near pushes far"], work.start.q[0]
+    assert ground.pushes and ground.columns[ground.aims].tolist() == [6, 7, 8]
+    used, rng, target = np.ones(1, np.int64), np.random.default_rng(0), q.copy()
+    target[6] = 0.2
+    ways = [led_target(ground, ground.look(q), target, rng) for _ in range(20)]
+    assert all((way[6:] == q[6:]).all() for way in ways)
+    behind = np.array([way[3] for way in ways if way[3] != q[3]])
+    assert len(behind) > 10 and np.allclose(behind, 0.05 - SIDE, atol=1e-3)
+    touching = q.copy()
+    touching[[0, 3]] += 0.05 - SIDE - q[3]
+    seen = ground.look(touching)
+    ways = [led_target(ground, seen, target, rng) for _ in range(20)]
+    both = [way for way in ways if way[6] == 0.2]
+    assert len(both) > 10 and np.allclose([way[3] for way in both], 0.2 - SIDE)
+    want = (both[0] - touching)[ground.columns] * ground.units
+    (mode, _), *_ = modes(ground, seen, want)
+    found = motion(ground, seen, used, mode, want, 0.1)
+    assert found is not None
+    assert found.change[[0, 3]] == pytest.approx([0.15, 0.15], rel=1e-3)
+    assert found.pushes[0] == pytest.approx(RUB * (1.0 + heavier) * MASS * GRAVITY, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("places", "shape", "contacts", "seed"),
+    [
+        ([(-0.2, 0.0)], PALM, 2, 1),
+        pytest.param([(-0.2, 0.02), (-0.2, -0.02)], DISC, 1, 0, marks=pytest.mark.long),
+    ],
+    ids=["palm", "two fingers"],
+)  # fmt: skip
+def test_a_box_pushes_another_to_its_goal(
+    places: list[tuple[float, float]], shape: Any, contacts: int, seed: int
+) -> None:
+    found = rw.plan(in_line(places, shape, contacts), seed=seed)
+    assert found.found, found.reason
+    assert found.stage is not None and found.stage.model is rw.DYNAMIC_COMPLIANT
+    assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
