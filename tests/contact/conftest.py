@@ -128,7 +128,7 @@ def _run(
         found = solve_proximal(p, sizes, out, room, 0.1 * TOLERANCE, halt)
         status = int(found > TOLERANCE)
     elif solver == "modes":
-        solve_by_modes(p, sizes, out, room, solves)
+        solve_by_modes(p, sizes, out, room, solves, halt)
     else:
         status = int(solve_by_enumeration(p, sizes, out, room, False, TOLERANCE) > TOLERANCE)
     found = residual(p, sizes, out)

@@ -96,7 +96,7 @@ def test_all_that_runs_can_be_ended_with_a_limit_or_without(limit: float | None,
 
 
 def test_ctrl_c_is_heard_within_a_step_that_takes_minutes() -> None:
-    long = jam(4, 5, 1.0)
+    long = jam(3, 6, 1.0)
     rw.simulate(long, rw.QUASISTATIC_COMPLIANT, limit=0.5)  # loads kernels
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     alarm = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))

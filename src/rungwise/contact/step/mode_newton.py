@@ -28,10 +28,11 @@ BY_SLIP = -1
 
 @kernel
 def solve_by_modes(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, flips: int
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, flips: int, halt: Ints
 ) -> float:
-    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of the
-    solution found. The kernel ends at a mode that does not determine the forces."""
+    """Improve `mode` (contacts, then limited rows) in at most `flips` solves, fewer where halt (1,) is set;
+    returns the residual of the solution found. The kernel ends at a mode that does not determine the
+    forces."""
     contacts, limited = sizes.contacts, sizes.limited
     still = room.matrix[room.matrix.shape[0] - 1]
     for r in range(2 * contacts + limited):
@@ -39,7 +40,7 @@ def solve_by_modes(
     for i in range(flips):
         regular = solve_mode(problem, sizes, unknowns, room)
         # The last solution keeps the mode that it belongs to.
-        if not regular or i + 1 == flips:
+        if not regular or i + 1 == flips or halt[0] != 0:
             break
         if not flip(problem, sizes, unknowns, still, still, contacts + limited):
             break

@@ -29,6 +29,8 @@ WEDGED = 1e8
 them any other error looks small. Chosen by trial, to a decade."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
+LARGEST = 600
+"""Size up to which it takes no more than some tenths of a second, within which no halt is heard."""
 SOLVED, NO_SOLUTION = 0, 1
 GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
 """Stages of the chain."""
@@ -54,7 +56,7 @@ def solve_planar(
     kept = room.matrix[room.matrix.shape[0] - 2]
     if 0 < size <= LARGE:
         collect(sizes, unknowns, kept)
-        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
+        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
         if found <= ENOUGH and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, GUESS
         spread(sizes, kept, unknowns)
@@ -62,8 +64,8 @@ def solve_planar(
         _clear(sizes, unknowns)
         return NO_SOLUTION, residual(problem, sizes, unknowns), GUESS
     found = solve_proximal(problem, sizes, unknowns, room, ENOUGH, halt)
-    if found > TOLERANCE and size > LARGE:
-        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
+    if found > TOLERANCE and LARGE < size <= LARGEST:
+        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
     if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
         return SOLVED, found, PROXIMAL
     if sizes.contacts + sizes.limited == 0:

@@ -187,7 +187,8 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
         else:
             break
     clock.bounced = bounced
-    if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
+    corrected = rung[0].inertia == 0.0 and state.force.shape[1] == 2 and scratch.halt[0] == 0
+    if status == SOLVED and corrected:
         correct_in_plane(problem, sizes, terms, scratch)
     return status
 
