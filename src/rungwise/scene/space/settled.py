@@ -27,7 +27,7 @@ TURNS = 8
 NAMED = 3
 """Coordinates, and pairs of bodies, that a remark names."""
 LEFT = 1e-5
-"""What may be left amiss, over the size of what moves: a tenth of the overlap that runs allow, or less."""
+"""Overlap over the size of what moves from which on a start is refused here; less is for the run to judge."""
 
 
 class Start(NamedTuple):
