@@ -37,7 +37,7 @@ NAMES = {
 """Look up, change or describe a scene, a problem or a result."""
 ARRAYS = {
     "apart", "as_good", "between", "classify", "failure", "diameter", "force_closure", "form_closure",
-    "gradient",
+    "gradient", "right_hand_side",
     "labels", "off", "predicted", "random", "sensitivity", "squeeze_plan", "squeezed", "state",
     "split", "take", "touching", "volumes", "witness",
 }  # fmt: skip
@@ -244,6 +244,7 @@ CALLS: dict[str, tuple[Call, Says]] = {
     ),
     "solutions": (lambda _: rw.solutions(PROBLEM, limit=0), lambda found: text(found.undecided)),
     "Sensitivity.forward": (lambda _: LINEAR.forward(limit=0), text),
+    "Sensitivity.solved": (lambda _: LINEAR.solved(LINEAR.right_hand_side({}), limit=0), text),
     "extreme_motions": (lambda _: rw.extreme_motions(rw.solutions(PROBLEM), limit=0), text),
     "instances": (lambda _: rw.instances("push", 0, limit=0), text),
     "ask": (lambda _: rw.ask("push", "goal", rw.State.of("push"), limit=0), text),
@@ -256,8 +257,9 @@ LINEAR = rw.Sensitivity(STEP, STEP.c, STEP.w, STEP.w_s)
 COUNTER = rw.Counterexample("two runs", _side, _side, 0.1, False, {}, rw.load("two_finger"))
 RAISES = {
     "explain", "fit",
-    "Sensitivity.forward", "ask", "compare", "diagnose", "doomed_set", "draw_parting", "extreme_motions",
-    "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets", "step_sensitivity",
+    "Sensitivity.forward", "Sensitivity.solved", "ask", "compare", "diagnose", "doomed_set", "draw_parting",
+    "extreme_motions", "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets",
+    "step_sensitivity",
 }  # fmt: skip
 """Calls that have nothing to return without any time."""
 _rng = np.random.default_rng(0)

@@ -129,7 +129,7 @@ def _known(
 ) -> Piece | None:
     """The piece of one solution, in its widest mode, if the piece has one motion and the system is
     monotone."""
-    if not is_monotone(system, motion):
+    if not is_monotone(system, motion) or deadline.is_over:
         return None
     solved = solve(given, limit=deadline.seconds)
     if solved.status != Status.SOLVED:

@@ -12,6 +12,7 @@ Oper. Res. 15 (1990) 311-341 (B-derivatives of complementarity problems).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,19 @@ class Change(NamedTuple):
     v: Array
     force: Array
     tau: Array
+
+
+class RightHandSide(NamedTuple):
+    """Right-hand sides of the linearised laws along m directions: `laws` (n + unknowns, m), the changes of
+    forces that limits cause themselves, `force` (k d + b, m), and the sizes of the terms of `laws`."""
+
+    laws: Array
+    force: Array
+    size: Array
+
+    def along(self, by: Array) -> RightHandSide:
+        """The right-hand sides along combinations `by` (m, p) of the directions."""
+        return RightHandSide(self.laws @ by, self.force @ by, self.size @ np.abs(by))
 
 
 class Sensitivity:
@@ -115,34 +129,40 @@ class Sensitivity:
         zero where nothing slips, which has no derivative; LimitError where `limit` seconds are over before
         all directions are done, which are contact problems of their own where contacts are weakly active.
         """
-        deadline = Deadline(seconds(limit))
-        with deadline.needed_for("all directions were differentiated"):
-            return self._forward(sizes, data, deadline)
+        return self.solved(self.right_hand_side(data, sizes), limit=limit)
 
-    def _forward(
-        self, sizes: dict[str, Array] | None, data: dict[str, ArrayLike], deadline: Deadline
-    ) -> Change:
-        """See `forward`. Raises TimeOver."""
-        deadline.look()
-        p, k = self.problem, len(self.problem.mu)
+    def right_hand_side(
+        self, data: Mapping[str, ArrayLike], sizes: Mapping[str, ArrayLike] | None = None
+    ) -> RightHandSide:
+        """The right-hand side of the linearised laws along changes of `data`; it is linear in them.
+
+        The arguments and ValueErrors are those of `forward`. Where there are many directions, combine the
+        right-hand sides of few changes: changes of H and W take n (n + k d) numbers a direction.
+        """
         change = self._columns(data)
         limit = np.vstack([change["mu"], change["F"]])
         if self._pieces.undefined.any() and limit[self._pieces.undefined].any():
+            k = len(self.problem.mu)
             at = int(np.flatnonzero(self._pieces.undefined & limit.any(axis=1))[0])
             name, at = ("mu", at) if at < k else ("F", at - k)
             raise ValueError(f"{name}: entry {at} is zero where nothing slips, and has no derivative")
-        lam = self.force[: len(p.w)]
-        right, direct = self._right(change), self._pieces.limits @ limit
-        noise = np.zeros(right.shape)
-        if sizes is not None:
-            noise = _NOISE * self._right(self._columns(dict(sizes)), sizes=True)
-            right = self._agreeing(right, noise)
+        laws = self._right(change)
+        size = np.zeros(laws.shape) if sizes is None else self._right(self._columns(sizes), sizes=True)
+        return RightHandSide(laws, self._pieces.limits @ limit, size)
+
+    def solved(self, right: RightHandSide, *, limit: float | None = None) -> Change:
+        """Derivatives along the directions of a right-hand side. Raises LimitError as `forward` does."""
+        deadline = Deadline(seconds(limit))
+        with deadline.needed_for("all directions were differentiated"):
             deadline.look()
-        z = self._one_sided(right, noise, deadline) if self._pieces.weak.any() else self._linear(right)
-        n = len(p.c)
-        v, f = z[:n].copy(), self._pieces.B @ z[n:] + direct
+            noise = _NOISE * right.size
+            laws = self._agreeing(right.laws, noise) if noise.any() else right.laws
+            deadline.look()
+            z = self._one_sided(laws, noise, deadline) if self._pieces.weak.any() else self._linear(laws)
+        n, rows = len(self.problem.c), len(self.problem.w)
+        v, f = z[:n].copy(), self._pieces.B @ z[n:] + right.force
         v[self._loose_v], f[self._loose_f] = np.nan, np.nan
-        return Change(v, f[: len(lam)], f[len(lam) :])
+        return Change(v, f[:rows], f[rows:])
 
     def _right(self, change: dict[str, Array], sizes: bool = False) -> Array:
         """Right-hand side of the linearised laws, or the sizes of its terms."""
@@ -232,7 +252,7 @@ class Sensitivity:
             "F": limit[k:],
         }
 
-    def _columns(self, data: dict[str, ArrayLike]) -> dict[str, Array]:
+    def _columns(self, data: Mapping[str, ArrayLike]) -> dict[str, Array]:
         """The change of every field, with the directions as last axis."""
         for name in data:
             if name not in DATA:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -26,6 +25,9 @@ KINDS = ("q", "v", "deformation", "inputs", "parameters")
 _STEP = 1e-5
 """Change of an unknown, over its size or the smallest shape's reach, to both sides: near 6e-6, the cube root
 of double precision, where rounding and curvature err alike in central differences."""
+
+_BLOCK = 16
+"""Unknowns whose changes are held at once: some megabytes where a hundred bodies are piled up."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,20 +88,19 @@ class Changes:
             return len(self.varied)
         return self.here.state.deformation.size if kind == "deformation" else len(self.here.state.q)
 
-    def of(self, held: Held, start: Start, trial: Array | None) -> dict[str, Data]:
-        """By kind, the change of the data with each unknown; also by the speeds of the `trial`."""
+    def blocks(
+        self, held: Held, start: Start, trial: Array | None, directions: dict[str, Array]
+    ) -> Iterator[tuple[Data, Array]]:
+        """For a few unknowns at a time, the change of the data with each, and their rows (few, m) of the
+        directions; by "trial", the unknowns are the speeds of the trial. Raises TimeOver."""
         base = self.here.data(held, start, trial)
-        kinds = (*self.kinds, *(("trial",) if trial is not None else ()))
-        found = {}
-        for kind in kinds:
-            count = self.size(kind) if kind != "trial" else len(start.q)
-            each = [self._change(kind, i, held, start, trial, base) for i in range(count)]
-            found[kind] = {
-                name: np.stack([change[name] for change in each], axis=-1)
-                if each else np.zeros((*base[name].shape, 0))
-                for name in base if name != "gap"
-            }  # fmt: skip
-        return found
+        for kind, by in directions.items():
+            moved = np.flatnonzero(by.any(axis=1))
+            for first in range(0, len(moved), _BLOCK):
+                block = moved[first : first + _BLOCK]
+                each = [self._change(kind, int(i), held, start, trial, base) for i in block]
+                data = {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
+                yield data, by[block]
 
     def begins(self) -> tuple[Array, Array]:
         """Change (n, p) of the coordinates and speeds with which the scene begins, by each parameter."""
@@ -169,31 +170,3 @@ def _slope(low: tuple[float, Array], high: tuple[float, Array], base: Array) -> 
     if s == -t:
         return (above - below) / (t - s)
     return ((below - base) * t / s - (above - base) * s / t) / (t - s)
-
-
-def along(changes: dict[str, Data], directions: dict[str, Array], deadline: Deadline) -> tuple[Data, Data]:
-    """The change of the data along directions (unknowns, m) of each kind, and the size of its terms. Raises
-    TimeOver."""
-    total, sizes = dict[str, Array](), dict[str, Array]()
-    for kind, by in directions.items():
-        told = np.flatnonzero(by.any(axis=0))
-        within = slice(told[0], told[-1] + 1) if len(told) else slice(0)
-        part = by[:, within]
-        for name, change in changes[kind].items():
-            deadline.look()
-            shape = (*change.shape[:-1], by.shape[1])
-            own, size = total.setdefault(name, np.zeros(shape)), sizes.setdefault(name, np.zeros(shape))
-            if len(told):
-                own[..., within] += _times(change, part)
-                size[..., within] += _times(np.abs(change), np.abs(part))
-    return total, sizes
-
-
-def _times(change: Array, by: Array) -> Array:
-    """Changes (..., unknowns) along directions (unknowns, m), as one product of matrices; where each
-    direction is one unknown, in order, the changes themselves."""
-    *shape, unknowns = change.shape
-    if by.shape == (unknowns, unknowns) and np.array_equal(by, np.eye(unknowns)):
-        return change
-    flat: Array = change.reshape(math.prod(shape), unknowns) @ by
-    return flat.reshape(*shape, by.shape[1])

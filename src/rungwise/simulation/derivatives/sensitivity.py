@@ -9,7 +9,7 @@ differenced through the threshold below which it counts as zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.contact.analysis import DATA, Sensitivity
+from rungwise.contact.analysis import DATA, RightHandSide, Sensitivity
 from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar, trim
 from rungwise.deadline import Deadline, go_on, seconds
 from rungwise.keywords import keywords
@@ -27,7 +27,7 @@ from rungwise.scene.read import load_planar
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import LINEARISATIONS
-from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity, along
+from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
@@ -192,11 +192,8 @@ def _differentiated(
     for _ in range(LINEARISATIONS):
         held, contact, speed = _solved(here, start, trial)
         by = directions if trial is None else {**directions, "trial": turn}
-        data, sizes = along(changes.of(held, start, trial), by, deadline)
-        change = contact.forward(
-            {name: sizes[name] for name in DATA}, limit=deadline.seconds,
-            **{name: data[name] for name in DATA},
-        )  # fmt: skip
+        right, data = _combined(contact, changes.blocks(held, start, trial, by), here, count)
+        change = contact.solved(right, limit=deadline.seconds)
         free = here.state.free[: len(contact.v)]
         turn = data["speed"].copy()
         turn[free] = change.v
@@ -218,6 +215,23 @@ def _differentiated(
         _followed(here, features, end, _deformed(here, held, start, contact, data, change.force, directions)),
         contact,
     )
+
+
+def _combined(
+    contact: Sensitivity, blocks: Iterator[tuple[Data, Array]], here: Assembly, count: int
+) -> tuple[RightHandSide, Data]:
+    """The right-hand side along all directions, and the changes of other data along them."""
+    problem = contact.problem
+    right = contact.right_hand_side({"c": np.zeros((len(problem.c), count))})
+    own = {"speed": np.zeros((len(here.state.q), count))}
+    own |= {name: np.zeros((*problem.R.shape, count)) for name in ("stiffness", "damping")}
+    for change, by in blocks:
+        data = {name: change[name] for name in DATA}
+        part = contact.right_hand_side(data, {name: np.abs(value) for name, value in data.items()})
+        right = RightHandSide(*map(np.add, right, part.along(by)))
+        for name, total in own.items():
+            total += change[name] @ by
+    return right, own
 
 
 def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Start]:
