@@ -27,6 +27,7 @@ import numpy as np
 
 import rungwise as rw
 from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar
+from rungwise.simulation.run import Simulation
 
 BODIES, FALLING = (45, 91, 190, 351), (40, 91)
 FIRST, STEPS = 5, 20
@@ -81,7 +82,7 @@ def heap(bodies: int) -> rw.Scene:
 
 def fall(bodies: int, model: rw.Rung) -> str:
     """The line of a heap."""
-    run, took = rw.Simulation(heap(bodies), model, frames=3), []
+    run, took = Simulation(heap(bodies), model, frames=3), []
     for _ in range(FALLEN):
         began = time.process_time()
         run.advance(1)
@@ -92,7 +93,7 @@ def fall(bodies: int, model: rw.Rung) -> str:
     return f"{bodies:6} {model.name:<17} {np.mean(counted):7.2f} {most:7.1f} {max(counted):7.1f} {worst:8.0e}"
 
 
-def in_full(run: rw.Simulation) -> float:
+def in_full(run: Simulation) -> float:
     """Milliseconds of `solve_planar` for the last step's problem, from its answer."""
     assert run.workspace is not None
     clock, scratch = run.workspace.state.clock[0], run.workspace.scratch
@@ -108,9 +109,9 @@ def in_full(run: rw.Simulation) -> float:
     return 1e3 * took
 
 
-def measure(scene: rw.Scene, model: rw.Rung, steps: int) -> tuple[int, float, float, rw.Simulation]:
+def measure(scene: rw.Scene, model: rw.Rung, steps: int) -> tuple[int, float, float, Simulation]:
     """Contacts, milliseconds per step and worst residual of a run, and the run."""
-    run = rw.Simulation(scene, model, frames=3)
+    run = Simulation(scene, model, frames=3)
     run.advance(FIRST)
     began = time.process_time()
     run.advance(steps)

@@ -40,6 +40,7 @@ import numpy as np
 
 import rungwise as rw
 from rungwise.outcome import Code
+from rungwise.simulation.spatial.run import SpaceSimulation
 
 TOLERANCE = 1e-8
 NEVER = 1e9
@@ -81,7 +82,7 @@ def boxes(heaped: bool, count: int) -> str:
 
 def measure(scene: rw.SpaceScene, model: str, steps: int, rounds: int) -> dict[str, Any]:
     """One scene on one rung; `steps` in all, over the rounds."""
-    run = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
+    run = SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
     stepper, space = run.stepper, run.space
     own = scene.bind().model
     own.opt.cone, own.opt.timestep = mujoco.mjtCone.mjCONE_ELLIPTIC, run.step
@@ -127,7 +128,7 @@ def part_of(function: str) -> str:
 
 def parts(scene: rw.SpaceScene, model: str, steps: int) -> dict[str, float]:
     """Shares of the time of so many steps, after as many others."""
-    run = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
+    run = SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
     run.steps_taken(steps)
     profile = cProfile.Profile()
     profile.runcall(run.steps_taken, steps)
@@ -152,7 +153,7 @@ def tell_first(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: in
     print(f"{'scene':8} {'model':18} {'steps':>6} {'mean ms':>8} {'99 %':>6} {'most':>6}")
     for scene in scenes:
         for model in models:
-            run, took = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9), []
+            run, took = SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9), []
             for _ in range(steps):
                 began = time.process_time()
                 run.steps_taken(1)

@@ -19,7 +19,7 @@ import rungwise as rw
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.deadline import Deadline
 from rungwise.hierarchy.counterexample import Side
-from rungwise.simulation.turns import Turns
+from rungwise.simulation.any_run import AnyRun
 
 FILES = {
     "dataset", "load", "load_counterexample", "load_doomed_set", "load_plan", "load_run", "load_set",
@@ -30,20 +30,19 @@ FILES = {
 NAMES = {
     "add_world", "balance", "bind", "body", "boxes", "called", "changed", "check_begun", "checked", "contact",
     "data", "designed", "equals", "goal", "holds_on", "how", "joint", "lcp", "levels", "local", "mlcp",
-    "names", "normalise", "numbers", "of", "of_step", "parameter", "parameters", "potential", "record",
+    "names", "normalise", "numbers", "observe", "of", "of_step", "parameter", "parameters", "potential",
+    "record",
     "schema", "shipped", "shipped_in_space", "start", "summary", "task_numbers", "timetable",
     "with_inertia",
 }  # fmt: skip
 """Look up, change or describe a scene, a problem or a result."""
 ARRAYS = {
-    "apart", "as_good", "between", "classify", "failure", "diameter", "force_closure", "form_closure",
-    "gradient", "right_hand_side",
+    "apart", "as_good", "between", "classify", "failure", "diameter", "force", "force_closure",
+    "form_closure", "gradient", "result", "right_hand_side", "speed",
     "labels", "off", "predicted", "random", "sensitivity", "squeeze_plan", "squeezed", "state",
     "split", "take", "touching", "volumes", "witness",
 }  # fmt: skip
 """A few array operations on what is known: time grows with what is given, and nothing is searched."""
-TURNS = {"advance", "steps_taken"}
-"""Take steps of a run that is taken in turns; all else that such a run has are its parts."""
 PICTURES = {"Design.plot", "LabelledSet.plot", "Run.plot"}
 """Draw what is known."""
 QUICK = FILES | NAMES | ARRAYS
@@ -64,8 +63,6 @@ def public() -> Iterator[tuple[str, Callable[..., Any]]]:
                 yield name, value
             continue
         for own, method in inspect.getmembers(value, callable):
-            if issubclass(value, Turns) and own not in TURNS:
-                continue
             home = next((each for each in value.__mro__ if own in vars(each)), object)
             if (
                 not own.startswith("_")
@@ -156,23 +153,23 @@ def stepped(run: Any, turn: Callable[[Any], Any]) -> Any:
     return found
 
 
+def led(scene: str) -> AnyRun:
+    """A run that is told its inputs, and has no time to follow them; then it has."""
+    simulation = rw.Simulation(scene, "kinematic")
+    simulation.step(0.1, limit=0)
+    found = simulation.result()
+    assert found.steps == 0 and simulation.step(0.1).time > 0.0
+    return found
+
+
 Call = Callable[[Given], Any]
 """A call without time."""
 CALLS: dict[str, tuple[Call, Says]] = {
     "simulate": (lambda _: rw.simulate("two_finger", "kinematic", limit=0), running),
     "Simulation.advance": (
-        lambda _: stepped(rw.Simulation("two_finger", "kinematic"), lambda run: run.advance(limit=0)), running
+        lambda _: stepped(rw.Simulation(BALL, "kinematic"), lambda run: run.advance(limit=0)), running
     ),
-    "MovingSimulation.advance": (
-        lambda _: stepped(rw.SpaceSimulation(rw.load(BALL), "kinematic"), lambda run: run.advance(limit=0)),
-        running,
-    ),
-    "MovingSimulation.steps_taken": (
-        lambda _: stepped(
-            rw.SpaceSimulation(rw.load(BALL), "kinematic"), lambda run: run.steps_taken(3, limit=0)
-        ),
-        running,
-    ),
+    "Simulation.step": (lambda _: led("two_finger"), running),
     "rollout": (lambda _: rw.rollout("two_finger", "kinematic", limit=0), all_running),
     "Batch.run": (
         lambda _: rw.Batch("two_finger", "kinematic", ["v2"]).run(np.ones((8, 1)), limit=0),

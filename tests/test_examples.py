@@ -452,3 +452,13 @@ def test_painleves_rod_has_one_or_three_steps(monkeypatch: pytest.MonkeyPatch, t
     monkeypatch.setattr(rod, "GRID", 3)
     assert rod.main(["--figure", str(tmp_path / "rod.png")]) == 0
     assert (tmp_path / "rod.png").stat().st_size > 10_000
+
+
+def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/feedback.py", monkeypatch)
+    assert example.main(["--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {row["outcome"] for row in found["pushes"] if row["led"]} == {"goal"}
+    assert all(abs(row["turned"]) > 1.0 for row in found["pushes"] if not row["led"])

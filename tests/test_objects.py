@@ -114,8 +114,7 @@ def test_same(a: object, b: object, equal: bool) -> None:
 
 @pytest.mark.parametrize("scene", ["two_finger", "push", "ball"])
 def test_the_state_before_the_first_step_is_the_start(scene: str) -> None:
-    kind = rw.SpaceSimulation if scene == "ball" else rw.Simulation
-    simulation = kind(scene, "dynamic-rigid")
+    simulation = rw.Simulation(scene, "dynamic-rigid")
     start = simulation.state
     assert start.time == 0.0 and np.array_equal(start.q, rw.State.of(scene).q)
     while simulation.advance():

@@ -61,13 +61,12 @@ from .sets.store import SetError
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.inputs import Schedule, ScheduleError, Segment
+from .simulation.live.observation import Contacts, Observation, ObservationError
 from .simulation.options import ModelError, RunOptions
 from .simulation.result import Run
 from .simulation.rows import States
-from .simulation.run import Simulation
 from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
-from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .viewing.inline import PictureError, plot, to_html
@@ -81,6 +80,7 @@ from .world.questions import Answers, Geometry, ask, geometry
 from .world.rollout import rollout
 from .world.run import load_run, simulate
 from .world.spatial.rollouts import SpaceRollouts
+from .world.stepped import Simulation
 
 __all__ = [
     "DYNAMIC_COMPLIANT",
@@ -98,6 +98,7 @@ __all__ = [
     "Code",
     "Comparison",
     "ContactSolution",
+    "Contacts",
     "Counterexample",
     "Design",
     "Diagnosis",
@@ -116,6 +117,8 @@ __all__ = [
     "ModelError",
     "MotionError",
     "Motions",
+    "Observation",
+    "ObservationError",
     "Outcome",
     "PictureError",
     "Piece",
@@ -145,7 +148,6 @@ __all__ = [
     "SpaceRollouts",
     "SpaceRun",
     "SpaceScene",
-    "SpaceSimulation",
     "SqueezeFunction",
     "SqueezePlan",
     "Stage",

@@ -20,6 +20,7 @@ from rungwise import deadline
 from rungwise.cli.terminal import heard_at_once
 from rungwise.contact.judge import infeasible
 from rungwise.deadline import Deadline, TimeOver
+from rungwise.simulation.run import Simulation
 
 from .conftest import MOVING
 from .test_stacks import G, box
@@ -44,7 +45,7 @@ def jam(columns: int, rows: int, mu: float, pull: float = 0.5) -> rw.Scene:
 JAMS = {f"{n} x {m}": jam(n, m, mu) for n, m, mu in ((1, 2, 1.0), (2, 2, 0.3), (2, 3, 2.0))}
 
 
-def taken(run: rw.Simulation) -> int:
+def taken(run: Simulation) -> int:
     """Steps so far."""
     assert run.workspace is not None
     return int(run.workspace.state.clock[0]["steps"])
@@ -55,7 +56,7 @@ def taken(run: rw.Simulation) -> int:
 def test_a_halted_step_is_not_taken_and_the_run_goes_on_as_if_it_had_not_been(
     model: rw.Rung, members: str
 ) -> None:
-    halted, other = (rw.Simulation(JAMS[members], model) for _ in range(2))
+    halted, other = (Simulation(JAMS[members], model) for _ in range(2))
     halted.advance(2)
     assert taken(halted) == 2 and halted.workspace is not None
     halted.workspace.scratch.halt[0] = 1
@@ -123,7 +124,7 @@ def test_no_linear_program_of_a_proof_begins_when_the_time_is_over(
 ) -> None:
     """At each program the clock is read, once for what is left and once after it."""
     programs = itertools.count()
-    run = rw.Simulation(JAMS["2 x 3"], rw.QUASISTATIC_RIGID)
+    run = Simulation(JAMS["2 x 3"], rw.QUASISTATIC_RIGID)
     run.advance(1)
     assert run.workspace is not None
     problem = run.workspace.problem
@@ -138,7 +139,7 @@ def test_no_linear_program_of_a_proof_begins_when_the_time_is_over(
 
 def test_what_ends_the_search_for_a_proof_leaves_the_run_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     """The step without solution is there again when the run goes on."""
-    run = rw.Simulation("blocks", "quasistatic-rigid", parameters={"slope": 0.4, "mu": 0.1})
+    run = Simulation("blocks", "quasistatic-rigid", parameters={"slope": 0.4, "mu": 0.1})
 
     def over(*_: object) -> None:
         raise TimeOver("in the search for a proof")

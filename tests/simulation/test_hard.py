@@ -17,6 +17,7 @@ from rungwise.contact.problem import Problem
 from rungwise.contact.step.problem import ContactProblem, trim
 from rungwise.simulation.core.notes import Note
 from rungwise.simulation.reasons import hard_steps as hard
+from rungwise.simulation.run import Simulation
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need h5py")
 JAM = {"v2": 0.7, "mu": 1.2}
@@ -84,7 +85,7 @@ def test_a_step_that_took_pivoting_has_its_velocities_again(tmp_path: Path, note
 @pytest.mark.parametrize("model", [rw.QUASISTATIC_COMPLIANT, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID], ids=str)
 def test_drives_joints_and_compliance_come_back(tmp_path: Path, scene: str, model: rw.Rung) -> None:
     """Problems that hold all that there is, solved as ordinary steps: what is read gives the same step."""
-    simulation = rw.Simulation(scene, model, save_hard=tmp_path)
+    simulation = Simulation(scene, model, save_hard=tmp_path)
     simulation.advance()
     workspace, end = simulation.workspace, simulation.hard
     assert workspace is not None and end is not None

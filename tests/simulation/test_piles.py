@@ -26,6 +26,7 @@ from rungwise.contact.step.planar import TOLERANCE
 from rungwise.contact.step.proximal import exertion
 from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints
+from rungwise.simulation.run import Simulation
 from rungwise.system.entries import CROWDED
 
 from .test_stacks import box, on_ground, pyramid
@@ -62,7 +63,7 @@ def problem_of(
     model: rw.Rung, bodies: list[dict[str, Any]], steps: int
 ) -> tuple[ContactProblem, Unknowns, Spans]:
     """A step's problem on the way of a run, the answer of the run to it, and where it has entries."""
-    run = rw.Simulation(on_ground(bodies, duration=10.0, step=2e-3), model)
+    run = Simulation(on_ground(bodies, duration=10.0, step=2e-3), model)
     run.advance(steps)
     assert run.workspace is not None
     clock, scratch = run.workspace.state.clock[0], run.workspace.scratch
@@ -145,7 +146,7 @@ def test_a_pile_repeats_and_does_not_depend_on_the_order_of_its_bodies() -> None
 
 def test_a_pyramid_at_rest_goes_on_by_the_same_forces() -> None:
     """Also where rounding decides which of two contacts of faces comes first: nothing is solved anew."""
-    run = rw.Simulation(on_ground(pyramid(13), duration=1.0), rw.DYNAMIC_RIGID)
+    run = Simulation(on_ground(pyramid(13), duration=1.0), rw.DYNAMIC_RIGID)
     run.advance(20)
     assert run.workspace is not None
     assert not run.workspace.scratch.v_new.any()
@@ -162,7 +163,7 @@ def test_a_pyramid_stands(model: rw.Rung) -> None:
 def test_slots_of_pairs_that_are_not_listed_need_no_copy(model: rw.Rung, tol: float | None) -> None:
     """A heap that falls, beside the same one whose slots are all copied and cleared in each step."""
     scene = on_ground(heap(20, 3), duration=10.0, step=2e-3)
-    runs = [rw.Simulation(scene, model, tol=tol, frames=120) for _ in range(2)]
+    runs = [Simulation(scene, model, tol=tol, frames=120) for _ in range(2)]
     for _ in range(120):
         for run, copies in zip(runs, (False, True), strict=True):
             run.advance(1)

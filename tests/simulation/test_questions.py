@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.simulation.run import Simulation
 from rungwise.world.questions import Question
 
 from .conftest import MOVING
@@ -56,7 +57,7 @@ def test_gaps_at_states_are_the_gaps_of_the_run(model: rw.Rung) -> None:
     """Whatever order they are asked in."""
     for name in ("four_finger", "blocks", "two_link"):
         scene = rw.load(name)
-        simulation = rw.Simulation(scene, model, stride=1, frames=100)
+        simulation = Simulation(scene, model, stride=1, frames=100)
         simulation.advance(60)
         run = simulation.result()
         gaps, states = run.trajectory.gap.values, run.states

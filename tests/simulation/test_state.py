@@ -14,6 +14,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.simulation.planar.state.workspace import CLOCK, recorded
+from rungwise.simulation.run import Simulation
 from rungwise.system.planar.manifold import ABSENT
 
 from .conftest import MOVING
@@ -38,7 +39,7 @@ def recalled(run: rw.Run) -> dict[str, Any]:
 
 def taken(scene: rw.Scene, model: rw.Rung, steps: int, **options: Any) -> rw.Run:
     """The first steps of a run, each of them a frame."""
-    simulation = rw.Simulation(scene, model, stride=1, frames=STEPS + 2, **options)
+    simulation = Simulation(scene, model, stride=1, frames=STEPS + 2, **options)
     simulation.advance(steps)
     return simulation.result()
 
@@ -206,7 +207,7 @@ def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_st
         assert not rw.geometry(scene, run.states).collides.any()
         for state in (run.states[len(run.states) // 2], run.states[-1]):
             if state.time < (run.scene.bind().records.world[0]["duration"]):
-                lifted = rw.Simulation(scene, high, state=state)
+                lifted = Simulation(scene, high, state=state)
                 assert str(lifted.result().outcome) != "invalid", (scene.name, lifted.reason)
                 assert lifted.time == state.time
 
@@ -351,7 +352,7 @@ def test_memories_that_are_none_of_the_scene_are_refused() -> None:
             scene.goal(other)
     wrong = [{"values": np.zeros((2, 2))}, {"scene": 5}, {"model": "kinematic"}, {"theta": "1"}]
     values = memory.values.copy()
-    values[rw.Simulation(scene, rw.DYNAMIC_RIGID).workspace.state.clock.nbytes // 8] = -1.0  # v1
+    values[Simulation(scene, rw.DYNAMIC_RIGID).workspace.state.clock.nbytes // 8] = -1.0  # v1
     with pytest.raises(rw.StateError, match=r"state\.memory: parameters\.v1: -1 is outside 1e-06 to 1e\+06"):
         rw.simulate(scene, rw.KINEMATIC, state=replace(state, memory=replace(memory, values=values)))
     for none in (5, memory.values, *(replace(memory, **change) for change in wrong)):

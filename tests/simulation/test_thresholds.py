@@ -15,6 +15,7 @@ from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.reasons.reasons import Reasons
+from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial import begin
 from rungwise.simulation.spatial.replay import _between
 from rungwise.system.planar.manifold import are_parallel
@@ -61,7 +62,7 @@ def test_what_slides_in_one_judge_alone_is_told_from_a_millionth_of_the_fastest_
 
 def test_a_step_that_looks_like_a_jam_is_looked_at_more_closely_four_times() -> None:
     """From a quarter of the goal's tolerance to a forty-thousandth."""
-    simulation = rw.Simulation("two_finger", "kinematic")
+    simulation = Simulation("two_finger", "kinematic")
     control, tolerance = simulation._control, float(simulation._control[0]["tolerance"])
     run: Any = SimpleNamespace(
         control=control, _go_on=lambda: None,

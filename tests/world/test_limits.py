@@ -14,12 +14,14 @@ import pytest
 
 import rungwise as rw
 from rungwise.deadline import Deadline, end_all
+from rungwise.simulation.run import Simulation
+from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.run import simulation_of
 from tests.simulation.conftest import MOVING
 
 SCENES: dict[str, Callable[[Any, int], object]] = {
-    "two_finger": rw.Simulation.advance,
-    "slope": rw.SpaceSimulation.steps_taken,
+    "two_finger": Simulation.advance,
+    "slope": SpaceSimulation.steps_taken,
 }
 """Scenes, and how so many steps are taken of one."""
 SHORT = 1e-9

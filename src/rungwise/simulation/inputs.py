@@ -77,7 +77,7 @@ def _segment(scene: AnyScene, path: str, given: object) -> Segment:
         raise ScheduleError(f"{path}.inputs: must be a mapping of names to numbers, not {shown(levels)}")
     if not isinstance(ramp, bool | np.bool_):
         raise ScheduleError(f"{path}.ramp: must be true or false, not {shown(ramp)}")
-    values = {name: _level(scene, f"{path}.inputs", name, value) for name, value in levels.items()}
+    values = {name: level(scene, f"{path}.inputs", name, value) for name, value in levels.items()}
     duration = finite(f"{path}.duration", given["duration"], ScheduleError)
     if duration < 0.0:
         raise ScheduleError(f"{path}.duration: must be >= 0, not {duration:g}")
@@ -85,7 +85,8 @@ def _segment(scene: AnyScene, path: str, given: object) -> Segment:
     return Segment(values, duration, until, bool(ramp))
 
 
-def _level(scene: AnyScene, path: str, name: object, value: object) -> float:
+def level(scene: AnyScene, path: str, name: object, value: object) -> float:
+    """The value of an input, checked. Raises ScheduleError, at the path."""
     known = scene.template.inputs
     if name not in known:
         raise ScheduleError(f"{path}: unknown input {shown(name)}{choices(name, known)}")

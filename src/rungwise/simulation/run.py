@@ -15,15 +15,18 @@ import numpy as np
 
 from rungwise.contact.judge import Balance
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.kernel import Ints, linking_time, steady
+from rungwise.kernel import Ints, Reals, linking_time, steady
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
 from rungwise.simulation.inputs import compile_segments, impossible_times
+from rungwise.simulation.live.observation import Contacts
+from rungwise.simulation.live.planar import Growing, contacts_of
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
+from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import begin_inputs
 from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.reasons.reasons import JAM as JAM
@@ -59,7 +62,8 @@ class Simulation(Turns):
         preferred = preferences(self.scene, self.model, given.motion)
         if state is not None:
             check_state(state, self.scene)
-        self.inputs = self._schedule()
+        self._schedule()
+        self._growing: Growing | None = None
         self._begins_inputs = given.inputs is not None or not self.inputs
         self.motion = {name: float(value) for name, value in (given.motion or {}).items()}
         self.problem: ContactProblem | None = None
@@ -148,7 +152,7 @@ class Simulation(Turns):
         that cannot begin."""
         if self.workspace is not None and self.outcome == Code.RUNNING:
             self._load(self.workspace)
-        return super().state
+        return self._result().state
 
     @property
     def time(self) -> float:
@@ -163,6 +167,44 @@ class Simulation(Turns):
             return False
         self._in_time(limit, partial(self._advanced, steps, self.workspace))
         return self.outcome == Code.RUNNING
+
+    @property
+    def segment(self) -> int:
+        return 0 if self.workspace is None else int(self.workspace.state.clock[0]["segment"])
+
+    def _now(self) -> tuple[Reals, Reals, Reals]:
+        assert self.workspace is not None
+        state, columns = self.workspace.state, self._setting.inputs.columns
+        return state.q.copy(), state.v.copy(), state.values[columns]
+
+    def _contacts(self) -> Contacts:
+        assert self.workspace is not None
+        tolerance = float(self._control[0]["tolerance"])
+        return contacts_of(self.scene, self.model, self._bound.records, tolerance, self.workspace)
+
+    def _open(self) -> None:
+        assert self.workspace is not None
+        if self._growing is None:
+            self._growing = Growing(self.scene)
+        self._growing.add(self._segments[-1])
+        clock, last = self.workspace.state.clock, self._growing.count - 1
+        state = self.given.state
+        began = float(clock[0]["opened"]) if last else 0.0 if state is None else state.time
+        begin_inputs(self._growing.since(last), self._bound.buffer, self.workspace)
+        clock["segment"], clock["opened"] = last, began
+        self._setting = self._setting._replace(inputs=self._growing.since(0))
+
+    def _shorten(self, duration: float) -> None:
+        assert self.workspace is not None and self._growing is not None
+        self._growing.shorten(duration)
+        self.workspace.state.clock["segment"] += 1
+
+    def _through(self) -> None:
+        assert self.workspace is not None
+        clock, control = self.workspace.state.clock[0], self._control[0]
+        while self.outcome == Code.RUNNING and self.segment < len(self._segments):
+            whole = int((clock["switch"] - clock["time"]) / control["longest"])
+            self._advanced(max(1, whole), self.workspace)
 
     def _advanced(self, steps: int | None, workspace: Workspace) -> None:
         """One turn. Raises TimeOver."""
@@ -225,6 +267,12 @@ class Simulation(Turns):
 
     def result(self) -> Run:
         """The run as far as it has come."""
+        workspace = self.workspace
+        if workspace is not None and self.outcome == Code.RUNNING and workspace.state.clock[0]["since"]:
+            record(self._bound.records, self._rung, workspace, True)
+        return self._result()
+
+    def _result(self) -> Run:
         if self.hard is not None and self.workspace is not None:
             self.hard.end(self.workspace)
         clock = None if self.workspace is None else self.workspace.state.clock[0]

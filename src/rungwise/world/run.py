@@ -17,6 +17,7 @@ from rungwise.simulation.options import count
 from rungwise.simulation.saved import read
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
+from rungwise.world.stepped import Control, led_by
 
 if TYPE_CHECKING:
     import rungwise
@@ -28,14 +29,19 @@ def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung 
 
 
 def finished(
-    simulation: Any, on_progress: Callable[[Any], None] | None = None, deadline: Deadline | None = None
+    simulation: Any,
+    on_progress: Callable[[Any], None] | None = None,
+    deadline: Deadline | None = None,
+    led: Callable[[Any], None] | None = None,
 ) -> Any:
     """The result of a run that is taken in turns, after its last, or as far as it has come by the deadline;
-    `on_progress` is called after each other turn."""
+    `on_progress` is called after each other turn. Where it is `led`, that takes it to its end."""
     if deadline is None:
         return _finished(simulation, on_progress)
     simulation.deadline = deadline
     try:
+        if led is not None:
+            led(simulation)
         return _finished(simulation, on_progress)
     except TimeOver as over:
         if not deadline.is_over:
@@ -83,6 +89,8 @@ class RunKeywords(TypedDict, total=False):
     motion: Mapping[str, float] | None
     state: State | None
     inputs: Schedule | None
+    control: Control | None
+    rate: float | None
     frames: int
     stride: int | None
     save_hard: str | Path | None
@@ -114,6 +122,8 @@ def simulate(
     motion: Mapping[str, float] | None = None,
     state: State | None = None,
     inputs: Schedule | None = None,
+    control: Control | None = None,
+    rate: float | None = None,
     frames: int = 2000,
     stride: int | None = None,
     save_hard: str | Path | None = None,
@@ -131,6 +141,10 @@ def simulate(
         theta: of the theta rule, 1/2 to 1, on the dynamic compliant rung.
         motion: preferred velocities by coordinate, where the model admits several motions.
         state: where to begin; inputs: a schedule of segments (see `Segment`).
+        control: in place of a schedule, a function that is given an `Observation` and returns the inputs that
+            the run holds next: values by name, an array (u,), or None, which leaves them; rate: how often it
+            is asked in a unit of the scene's time. The run goes on to `duration`; its `inputs` say what it
+            was told.
         frames: most states that are recorded, every `stride` steps.
         save_hard: folder for the problems of hard steps.
 
@@ -147,7 +161,8 @@ def simulate(
         theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
         stride=stride, save_hard=save_hard,
     )  # fmt: skip
-    run: AnyRun = finished(simulation, on_progress, deadline)
+    led = led_by(simulation, control, rate, on_progress)
+    run: AnyRun = finished(simulation, on_progress, deadline, led)
     return run
 
 

@@ -12,6 +12,7 @@ from rungwise.contact.judge import Certificate, check_in_space
 from rungwise.contact.step import trim
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
 from .measure import RIGID, Array, named, run, world
@@ -65,7 +66,7 @@ def test_a_ball_jams_between_plates_within_twice_the_friction_angle(
 
 
 def test_the_checker_takes_no_proof_of_another_problem(make: Make) -> None:
-    simulation = rw.SpaceSimulation(squeezed(make, atan(0.3), 0.3, 4), rw.DYNAMIC_RIGID, duration=0.01)
+    simulation = SpaceSimulation(squeezed(make, atan(0.3), 0.3, 4), rw.DYNAMIC_RIGID, duration=0.01)
     while simulation.advance():
         pass
     stepper, found = simulation.stepper, simulation.certificate

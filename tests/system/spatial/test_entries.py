@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.system.spatial import space
 
 pytest.importorskip("mujoco")
@@ -43,7 +44,7 @@ def test_a_crowd_moves_as_it_does_without_places_of_entries(monkeypatch, tmp_pat
     ends = []
     for least in (10**9, 60):
         monkeypatch.setattr(space, "CROWDED", least)
-        run = rw.SpaceSimulation(scene, model, duration=0.02)
+        run = SpaceSimulation(scene, model, duration=0.02)
         run.steps_taken(10)
         assert run.stepper.terms.entries.place.size == (0 if least > 60 else 76)
         assert run.stepper.contacts > 20

@@ -13,6 +13,7 @@ from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.crawl import why_nowhere
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import OVERLAP
+from rungwise.simulation.live.observation import Contacts, without_places
 from rungwise.simulation.moving.begin import Fault, worst
 from rungwise.simulation.moving.frames import Frame, worked
 from rungwise.simulation.moving.memory import begin_anew, recall, remembered
@@ -76,6 +77,13 @@ class Kind:
         """Normal forces (c,) of the scene's pairs of bodies in the last step."""
         assert self.stepper is not None
         return pushed(self.system, self._pairs, self.stepper.state.force)
+
+    def contacts(self, knows_forces: bool) -> Contacts:
+        """Contacts of the last step; forces are nan where the rung `knows_forces` not."""
+        assert self.stepper is not None
+        bodies, found = self.scene.template.bodies, self.system.pushes(self.stepper.state.force)
+        pushes = [push if knows_forces else np.nan for _, _, push in found]
+        return without_places([(bodies[a], bodies[b]) for a, b, _ in found], pushes)
 
     @property
     def _pairs(self) -> list[tuple[int, int]]:

@@ -22,6 +22,7 @@ from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.inputs import condition
+from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
 from rungwise.simulation.moving.kind import Kind
@@ -55,7 +56,7 @@ class MovingSimulation(Turns, Kind):
         for name in ("motion", "save_hard"):
             if getattr(given, name) is not None:
                 raise ModelError(f"{name}: is not known for {self.kind}")
-        self.inputs = self._schedule()
+        self._schedule()
         self._gained = 0.0
         self.stepper: Stepper | None = None
         try:
@@ -73,7 +74,7 @@ class MovingSimulation(Turns, Kind):
         self._margins = -math.inf, -math.inf
         self._tol = math.inf if given.tol is None else given.tol
         self._next, state = self.step, given.state
-        self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
+        self._clock = Clock(self._segments, 0.0 if state is None else state.time, template.inputs, columns)
         self._scheduled = bool(self.inputs) and given.duration is None
         self.stepper = Stepper(self.system, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
@@ -275,8 +276,32 @@ class MovingSimulation(Turns, Kind):
 
     @property
     def segment(self) -> int:
-        """How many segments of the schedule have ended."""
-        return self._clock.segment
+        return 0 if self.stepper is None else self._clock.segment
+
+    def _now(self) -> tuple[Reals, Reals, Reals]:
+        assert self.stepper is not None
+        columns = list(self._clock.columns)
+        return self.stepper.q.copy(), self.stepper.v.copy(), self._values.told[columns]
+
+    def _contacts(self) -> Contacts:
+        return self.contacts(self.model.loads)
+
+    def _open(self) -> None:
+        self._clock.enter(len(self._segments) - 1, self.time)
+
+    def _shorten(self, _duration: float) -> None:
+        self._clock.enter(len(self._segments), self.time)
+
+    def _through(self) -> None:
+        assert self.stepper is not None
+        began = time.perf_counter()
+        try:
+            with self.running(self.stepper):
+                while self.outcome == Code.RUNNING and self.segment < len(self._segments):
+                    self.deadline.look()
+                    self.take()
+        finally:
+            self.wall_s += time.perf_counter() - began
 
     @property
     def steps(self) -> int:

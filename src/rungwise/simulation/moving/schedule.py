@@ -50,6 +50,10 @@ class Clock:
         self.segment, self._opened = int(values[0]), float(values[1])
         self._before = {name: float(x) for name, x in zip(self.names, values[2:], strict=True) if x == x}
 
+    def enter(self, number: int, time: float) -> None:
+        """Begin segment `number` at a time."""
+        self.segment, self._opened, self._before = number, time, {}
+
     def left(self, time: float) -> float:
         """What is left of the segment."""
         if self.segment >= len(self.segments):

@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.frames import worked
 from rungwise.system.spatial.space import Space
 from rungwise.system.terms import JOINT, SUPPORT
@@ -82,3 +84,21 @@ def touching(stepper: Stepper, space: Space) -> Touch:
     return Touch(
         world[:, :3], normal, pushed, world[:, 10], state.modes[slots], kept.geoms[slots], world[:, 9]
     )
+
+
+MODES = ("open", "stick", "slip")
+
+
+def contacts_of(
+    stepper: Stepper, space: Space, labels: Labels, tolerance: float, knows_forces: bool
+) -> Contacts:
+    """Contacts of the last step that were closed, within the scene's tolerance, or pushed."""
+    touch, body = touching(stepper, space), space.solids.body
+    pushes = np.einsum("kd,kd->k", touch.force, touch.normal)
+    kept = np.flatnonzero((touch.gap <= tolerance) | (pushes > 0.0))
+    unknown = 0.0 if knows_forces else np.nan
+    bodies = [(labels.bodies[int(body[a])], labels.bodies[int(body[b])]) for a, b in touch.geoms[kept]]
+    return Contacts(
+        tuple(bodies), touch.point[kept], touch.normal[kept], touch.force[kept] + unknown,
+        pushes[kept] + unknown, touch.gap[kept], tuple(MODES[int(mode)] for mode in touch.mode[kept]),
+    )  # fmt: skip

@@ -12,10 +12,11 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.read import load_in_space
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.spatial.begin import faults_before, misplaced
-from rungwise.simulation.spatial.frames import Frame, frame
+from rungwise.simulation.spatial.frames import Frame, contacts_of, frame
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.reasons import crawled, fastest, snapped, stuck
@@ -97,6 +98,10 @@ class SpaceSimulation(MovingSimulation):
     def frame(self) -> Frame:
         assert self.stepper is not None
         return frame(self.stepper, self.space, self.memory())
+
+    def contacts(self, knows_forces: bool) -> Contacts:
+        assert self.stepper is not None
+        return contacts_of(self.stepper, self.space, self.scene.labels, self._bound.tolerance, knows_forces)
 
     def faults_before(self, parameters: dict[str, float], q: Reals) -> list[Fault]:
         return faults_before(self.scene, parameters, q)

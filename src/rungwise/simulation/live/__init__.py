@@ -1,0 +1,1 @@
+"""Runs that are told their inputs step by step: what is seen of them, and what they are told."""
