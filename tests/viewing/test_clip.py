@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import rungwise as rw
 from rungwise.simulation import trajectory
 from rungwise.viewing.plane.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip, still
 from rungwise.viewing.plane.draw import placed, pose_at, rounded
-from rungwise.viewing.plane.extent import bounds, receives_first
+from rungwise.viewing.plane.extent import AWAY, BESIDE, bounds, receives_first
 
 PUSHER = {
     "name": "pusher",
@@ -176,6 +177,19 @@ def test_bounds_hold_every_body_in_every_frame(pushed: Clip) -> None:
     x0, y0, x1, y1 = bounds([pushed])
     assert (x0, y0, y1) == pytest.approx((-1.4, -0.5, 0.5))
     assert x1 == pytest.approx(pushed.pose[-1, 1, 0] + 0.5)
+
+
+def test_what_is_flung_away_leaves_the_frame(pushed: Clip) -> None:
+    """Objects are followed for a few sizes of the start, other bodies as far as objects need room."""
+    start = bounds([pushed.thinned(np.array([0]))])
+    size = max(start[2] - start[0], start[3] - start[1])
+    for body, far in ((1, AWAY * size), (0, BESIDE * size)):
+        for up, seen in ((0.5 * far, None), (1e4 * size, start[3] + far)):
+            flung = replace(pushed, pose=np.repeat(pushed.pose[:1], len(pushed.time), axis=0))
+            flung.pose[-1, body, 1] += up
+            reach = 0.5 if body == 1 else 0.2
+            whole = (start[0], start[1], start[2], up + reach if seen is None else seen)
+            assert bounds([flung]) == pytest.approx(whole)
 
 
 @pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID], ids=str)

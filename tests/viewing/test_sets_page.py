@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -26,6 +27,7 @@ in_browser = pytest.mark.skipif(
 BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}
 PIXELS = "[...raster.owner.keys()]"
 PLACE = "i => [i % raster.width + 0.5, Math.floor(i / raster.width) + 0.5].map(x => x / raster.seen.dense)"
+LIFTS = (rw.KINEMATIC, rw.DYNAMIC_RIGID)
 SETTLED = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
 
 
@@ -270,6 +272,38 @@ def test_stored_runs_cover_every_way_to_end(found: list[rw.FeasibleSet]) -> None
     parts = (points - low) / (high - low)
     apart = np.linalg.norm(parts[:, None] - parts, axis=-1) + 9.0 * np.eye(30)
     assert apart.min() > 0.05
+
+
+def test_opens_on_a_model_with_something_to_show_and_frames_the_object(tmp_path: Path) -> None:
+    """The kinematic rung leaves the part where it stands, whatever the jaws do; where they slide off it on
+    the dynamic rung, their own force flings them metres away from a part of six centimetres."""
+    box = {"squeeze": (0.0, 20.0), "mu": (0.0, 1.0)}
+    found = [rw.feasible_set("gripper", model, tuple(box), box=box, tol=0.2) for model in LIFTS]
+    data = data_of(rw.view(found, html=tmp_path / "sets.html")[0])
+    assert data["opening"] == {"front": 1, "at": [0.5, 0.5]}
+    x0, y0, x1, y1 = data["bounds"]
+    assert 0.06 < x1 - x0 < 0.3 and 0.06 < y1 - y0 < 0.3
+
+
+def test_opens_on_a_run_that_reaches_the_goal_where_the_middle_does_not(tmp_path: Path) -> None:
+    """Jaws that press with 0 to 20 N hold the part of 0.5 kg where 2 mu squeeze is above its weight."""
+    box = {"squeeze": (0.0, 20.0), "mu": (0.0, 0.4)}
+    found = rw.feasible_set("gripper", "dynamic-rigid", tuple(box), box=box, tol=0.1)
+    data = data_of(rw.view(found, html=tmp_path / "sets.html")[0])
+    squeeze, mu = (
+        low + part * (high - low)
+        for part, (low, high) in zip(data["opening"]["at"], box.values(), strict=True)
+    )
+    assert 2.0 * mu * squeeze > 0.5 * 9.81
+    assert data["opening"]["at"] in [run["at"] for run in data["runs"]]
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    found = re.search(
+        r'<script type="application/json" id="data">(.*?)</script>', page.read_text("utf-8"), re.DOTALL
+    )
+    assert found is not None
+    return dict(json.loads(found[1]))
 
 
 def test_a_page_that_would_be_too_large_keeps_fewer_runs(flat: rw.FeasibleSet) -> None:

@@ -14,7 +14,7 @@ function visibleBox(parent, model, name) {
 }
 
 function frontBox(parent, model, says) {
-  const box = element("input", "", parent, { type: "radio", name: "front", checked: model.index === 0, id: `front-${model.index}`, ...says });
+  const box = element("input", "", parent, { type: "radio", name: "front", checked: model.index === layout.front, id: `front-${model.index}`, ...says });
   box.onchange = () => bringFront(model.index);
 }
 

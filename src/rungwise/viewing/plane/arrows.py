@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +37,7 @@ class View:
 
 
 def view_of(clips: Sequence[Clip], times: Sequence[float]) -> View:
-    """A view that has room for all bodies at all times, and for the arrows at these."""
+    """A view that has room for the bodies at all times (see `bounds`), and for the arrows at these."""
     x0, y0, x1, y1 = bounds(clips)
     margin = 0.08 * max(x1 - x0, y1 - y0)
     nominal = ARROW * (max(x1 - x0, y1 - y0) + 2.0 * margin)
@@ -46,11 +46,19 @@ def view_of(clips: Sequence[Clip], times: Sequence[float]) -> View:
     for clip in clips:
         for time in times:
             arrows = arrows_at(clip, time, per_force, longest)
-            corners += [arrows.tail, arrows.spot[arrows.long > 0.0]]
+            here = _inside(arrows.spot, (x0, y0, x1, y1))
+            corners += [arrows.tail[here], arrows.spot[here & (arrows.long > 0.0)]]
     low, high = np.concatenate(corners).min(axis=0) - margin, np.concatenate(corners).max(axis=0) + margin
     least = 0.2 * float((high - low).max())
     more = 0.5 * np.maximum(0.0, least - (high - low))
     return View((*(low - more).tolist(), *(high + more).tolist()), per_force, longest)
+
+
+def _inside(spots: NDArray[np.float64], extent: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    """Which points (k, 2) a frame shows."""
+    x0, y0, x1, y1 = extent
+    x, y = spots.T
+    return np.asarray((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,11 @@ class Arrows:
     tail: NDArray[np.float64]
     long: NDArray[np.float64]
     broken: NDArray[np.bool_]
+
+    def seen(self, extent: tuple[float, float, float, float]) -> Arrows:
+        """Those whose contact points a frame shows."""
+        here = _inside(self.spot, extent)
+        return Arrows(*(getattr(self, each.name)[here] for each in fields(self)))
 
 
 def arrows_at(clip: Clip, time: float, per_force: float, longest: float) -> Arrows:

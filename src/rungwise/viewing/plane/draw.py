@@ -88,7 +88,8 @@ def draw_frame(
             axes.plot(*at.T, "o", color=line, ms=2, zorder=20)
     for index, clip in enumerate(clips if touches else ()):
         line = "white" if len(clips) == 1 else colors[index % len(colors)]
-        draw_touches(axes, arrows_at(clip, time, view.per_force, view.longest), clip.units["force"], line)
+        arrows = arrows_at(clip, time, view.per_force, view.longest).seen(view.extent)
+        draw_touches(axes, arrows, clip.units["force"], line)
 
 
 def _bodies(

@@ -39,6 +39,9 @@ TRIANGLES = 20_000
 RUNS, FRAMES, CANDIDATES = 48, 60, 4096
 """Points at which every model is run, and frames of each run; they are chosen from so many random points."""
 VOLUME_SAMPLES = 100_000
+LEAST_SEEN = 0.01
+"""Least part of the box that can be seen: the page opens on a model of which so much is feasible, and so much
+is not."""
 
 
 def page(found: Sequence[FeasibleSet], deadline: Deadline = NEVER, largest: int = LARGEST) -> str:
@@ -48,7 +51,7 @@ def page(found: Sequence[FeasibleSet], deadline: Deadline = NEVER, largest: int 
     title = f"sets of {found[0].scene.name} over {', '.join(found[0].over)}"
     fixed = _data(found)
     while True:
-        text = fill(KIND, title, fixed | _runs(found[0].box, rows))
+        text = fill(KIND, title, fixed | _runs(found[0].box, rows) | {"opening": _opening(found, rows)})
         if len(text) <= largest or len(rows) <= 1:
             return text
         rows = rows[: len(rows) // 2]
@@ -121,6 +124,22 @@ def _runs(box: Reals, rows: Sequence[_Row]) -> dict[str, Any]:
         "clips": data,
         "runs": [{"at": ((row.point - low) / (high - low)).tolist(), "labels": row.labels} for row in rows],
     }
+
+
+def _opening(found: Sequence[FeasibleSet], rows: Sequence[_Row]) -> dict[str, Any]:
+    """The model and the point with which the page opens: the first model of whose set and of whose complement
+    there is something to see, and the middle of the box where its run reaches the goal, else the nearest
+    stored run that does."""
+    parts = np.array([each.volumes(VOLUME_SAMPLES).get(str(Label.FEASIBLE), 0.0) for each in found])
+    seen = np.minimum(parts, 1.0 - parts)
+    front = int(np.argmax(seen >= min(LEAST_SEEN, float(seen.max()))))
+    low, high = found[0].box.T
+    middle = 0.5 * (low + high)
+    point = middle
+    if found[front].labels(middle[None])[0] != Label.FEASIBLE:
+        good = [row.point for row in rows if row.labels[front] == Label.FEASIBLE]
+        point = min(good, key=lambda at: float(np.linalg.norm((at - middle) / (high - low))), default=middle)
+    return {"front": front, "at": ((point - low) / (high - low)).tolist()}
 
 
 def _data(found: Sequence[FeasibleSet]) -> dict[str, Any]:

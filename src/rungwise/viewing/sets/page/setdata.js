@@ -8,7 +8,7 @@ const SETS = DATA.sets.map((set, index) => ({
   colour: () => css(`--model-${index % PALETTE.length}`),
 }));
 // `point` holds parts 0..1 of the box, `across` and `up` the axes of the slice, which shows the set in front.
-const chosen = { point: new Float64Array(D).fill(0.5), across: 0, up: D > 1 ? 1 : -1, run: -1, alike: 0 };
+const chosen = { point: Float64Array.from(DATA.opening.at), across: 0, up: D > 1 ? 1 : -1, run: -1, alike: 0 };
 const sliced = () => SETS[layout.front];
 
 const visible = () => SETS.filter(s => s.visible);

@@ -158,6 +158,7 @@ function onSlice() {
 }
 
 function start() {
+  layout.front = DATA.opening.front;
   startPlayer();
   $("about").textContent = DATA.over.map(o => `${o.name} in ${short(rounded(o.low, o))} to ${short(o.high)}${o.unit ? " " + o.unit : ""}`).join(", ");
   $("space-part").hidden = D !== 3;
