@@ -79,15 +79,29 @@ def test_units_taken_apart() -> None:
         ("a * a", math.radians(30) ** 2),
         ("1 / a", 1 / math.radians(30)),
         ("cos(pi / 3) * a", math.radians(15)),
+        ("a * pi / 180", math.radians(30)),
+        ("pi * a / 180", math.radians(30)),
+        ("(a + 5) * (pi / 180)", math.radians(35)),
+        ("-2 * pi * a / 360", -math.radians(30)),
+        ("a * -(pi / 180)", -math.radians(30)),
+        ("a * -deg", -math.radians(30)),
+        ("sin(a * pi / 180)", 0.5),
+        ("a * 180 / pi", 30.0),
+        ("a + 5 * pi / 180", math.radians(35)),
+        ("pi / (180 / a)", math.radians(30)),
     ],
 )  # fmt: skip
 def test_degrees_are_converted_once(read: str, value: float) -> None:
     assert angle(scene("deg", read=read)) == pytest.approx(value, rel=1e-12)
 
 
-@pytest.mark.parametrize("read", ["a * pi / 180", "pi * a", "(a + 5) * (pi / 180)"])
-def test_degrees_that_are_converted_by_pi_are_refused(read: str) -> None:
-    with pytest.raises(rw.SceneError, match=r"^bodies\.b\.pose\.angle: a is in deg .* leave out pi / 180"):
+@pytest.mark.parametrize(
+    "read", ["a * pi / 200", "pi * a", "(a + 5) * (pi / 90)", "a * pi * pi / 180", "a * 180 * pi"]
+)
+def test_products_of_degrees_and_pi_that_are_no_conversion_are_refused(read: str) -> None:
+    with pytest.raises(
+        rw.SceneError, match=r"^bodies\.b\.pose\.angle: a is in deg .* write a, a \* deg or a \* pi / 180"
+    ):
         rw.load(scene("deg", read=read))
 
 

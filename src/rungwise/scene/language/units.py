@@ -92,7 +92,8 @@ def conversions(units: Mapping[str, str], counted_in: Mapping[str, str] | None) 
 
 def converted(tree: ast.expr, given: Mapping[str, Conversion]) -> ast.expr:
     """The expression with each name that has a conversion multiplied by it, but where it is multiplied by
-    the constant `deg` as its unit says. Raises ExpressionError where pi is multiplied in."""
+    the constant `deg`, or by pi / 180, as its unit says. Raises ExpressionError where pi is multiplied in
+    without 180 or 360."""
     return _converted(tree, given, 0, False) if given else tree
 
 
@@ -106,11 +107,8 @@ def _converted(node: ast.expr, given: Mapping[str, Conversion], by_hand: int, ha
                 _converted(left, given, by_hand, has_pi), op, _converted(right, given, by_hand, has_pi)
             )
         case ast.BinOp(_, ast.Mult() | ast.Div(), _):
-            factors = _factors(node)
-            names = [(part.id, sign) for part, sign in factors if isinstance(part, ast.Name)]
-            by_hand += sum(sign for name, sign in names if name == "deg")
-            has_pi = has_pi or any(name == "pi" for name, _ in names)
-            return _product(node, given, by_hand, has_pi, 1)
+            degrees, pis = _degrees(_factors(node))
+            return _product(node, given, by_hand + degrees, has_pi or pis != 0, 1)
         case ast.UnaryOp(ast.USub() | ast.UAdd() as op, operand):
             return ast.UnaryOp(op, _converted(operand, given, by_hand, has_pi))
     for field, value in ast.iter_fields(node):
@@ -137,19 +135,31 @@ def _product(
 
 
 def _factors(node: ast.expr, sign: int = 1) -> list[tuple[ast.expr, int]]:
-    """Factors of a product, each with 1, or -1 where it divides."""
+    """Factors of a product, each with 1, or -1 where it divides; signs are left out."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+        return _factors(node.operand, sign)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
         right = -sign if isinstance(node.op, ast.Div) else sign
         return _factors(node.left, sign) + _factors(node.right, right)
     return [(node, sign)]
 
 
+def _degrees(factors: list[tuple[ast.expr, int]]) -> tuple[int, int]:
+    """The power of deg in a product, where pi over 180 or 360 is one, too, and the power of pi besides."""
+    named = [(part.id, sign) for part, sign in factors if isinstance(part, ast.Name)]
+    turns = [sign for part, sign in factors if isinstance(part, ast.Constant) and part.value in (180, 360)]
+    degrees, pis = (sum(sign for name, sign in named if name == wanted) for wanted in ("deg", "pi"))
+    most = min(abs(pis), turns.count(-1 if pis > 0 else 1))
+    pairs = most if pis > 0 else -most
+    return degrees + pairs, pis - pairs
+
+
 def _read(node: ast.Name, way: Conversion, by_hand: int, has_pi: bool) -> ast.expr:
     factor = way.factor
     if way.degrees and has_pi:
         raise ExpressionError(
-            f"{node.id} is in {way.unit} and converted where it is read: leave out pi / 180, or write"
-            f" {node.id} * deg"
+            f"{node.id} is in {way.unit} and read in radians, and pi without 180 or 360 does not convert it:"
+            f" write {node.id}, {node.id} * deg or {node.id} * pi / 180, which mean the same"
         )
     if way.degrees and by_hand == way.degrees:
         factor /= DEGREE**way.degrees
