@@ -76,6 +76,47 @@ except KeyboardInterrupt:
     callee.seldom.__dict__["inside"] = kept
     print(outer(np.ones(3), False))
 """
+MANY = """
+from rungwise.kernel import Reals, Record, RecordArray, kernel
+
+@kernel
+def weigh(line: Reals, other: Reals, deep: Reals, both: tuple[Reals, tuple[Reals, float]],
+          records: RecordArray, record: Record) -> tuple[float, int]:
+    line[0] += 1.0
+    total, (_, factor) = record.mass + records[1].mass, both[1]
+    for i in range(deep.shape[0]):
+        for j in range(deep.shape[1]):
+            for k in range(deep.shape[2]):
+                total += (1 + i + 10 * j + 100 * k) * deep[i, j, k]
+    for i in range(other.shape[0]):
+        total += line[i % line.size] * other[i] + factor * both[0][i, i] - both[1][0][i]
+    return total, deep.size + records.shape[0]
+
+@kernel
+def hand_over(line: Reals, other: Reals, deep: Reals, both: tuple[Reals, tuple[Reals, float]],
+              records: RecordArray) -> tuple[float, int]:
+    return weigh(line[1:], other, deep[:, 1:], (both[0], both[1]), records, records[0])
+"""
+HANDED = """
+import numpy as np
+import many
+from rungwise.kernel import record_type
+rng = np.random.default_rng(0)
+records = np.zeros(3, record_type("number", "mass"))
+records["mass"] = 1.0, 2.0, 4.0
+matrix = rng.normal(size=(4, 4))
+for other in (rng.normal(size=8)[::2], rng.normal(size=4), np.frombuffer(rng.normal(size=4).tobytes())):
+    given = rng.normal(size=5), other, rng.normal(size=(2, 3, 4)), (matrix.T, (matrix[0], 0.5)), records
+    plain = given[0].copy()
+    plain[1] += 1.0
+    total, size = many.hand_over(*given)
+    line, other, deep, both, _ = given
+    again = many.weigh.function(line[1:] - [1, 0, 0, 0], other, deep[:, 1:], both, records, records[0])
+    assert abs(total - again[0]) < 1e-12 and size == again[1] == 19, (total, size, again)
+    assert (given[0] == plain).all()
+    print("alike")
+"""
+"""A kernel hands arrays of all kinds over to another one: slices, transposed, read-only, in tuples."""
 INTERRUPTED = """
 import signal, time
 import numpy as np
@@ -340,6 +381,11 @@ def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
         harm(file)
     *said, compiled = run(AS_FROM_A_WHEEL + USE + HEAR)
     assert said == ["6.0", "-8.0"] and int(compiled) == (len(files) - 1 if harm is _swap else len(files))
+
+
+def test_kernels_hand_over_arrays_of_all_kinds(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "many.py").write_text(MANY)
+    assert run(HANDED) == ["alike"] * 3
 
 
 def test_indices_in_kernels_of_the_package_count_from_the_start_unless_they_are_literals() -> None:

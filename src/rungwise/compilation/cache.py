@@ -27,6 +27,7 @@ from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from rungwise.compilation.entries import entry_name
 from rungwise.compilation.progress import compiling
 
 _PACKAGE = Path(__file__).parent.parent
@@ -129,9 +130,8 @@ def _sealed(file: Path, content: bytes) -> bytes:
     return hashlib.sha256(f"{file.parent.name}/{file.name} ".encode() + content).digest()
 
 
-def _names_only(described: Any) -> bytes:
+def _names_only(names: tuple[str, ...]) -> bytes:
     """In the place of bitcode to copy into callers, the names of the functions to be called."""
-    names = (described.llvm_func_name, described.llvm_cpython_wrapper_name)
     text = "\n".join(f'define void @"{name}"() {{ ret void }}' for name in names)
     return bytes(llvmlite.binding.parse_assembly(text).as_bitcode())
 
@@ -143,10 +143,12 @@ class KernelCache(_Cache):
     A file that is missing, cut off or unreadable is compiled again; where none can be written, all goes on.
     """
 
-    def __init__(self, function: Callable[..., object], kind: str, allocates: bool, is_linked: bool) -> None:
+    def __init__(
+        self, function: Callable[..., object], kind: str, allocates: bool, is_linked: bool, has_entry: bool
+    ) -> None:
         self._module = function.__module__
         self._folder = cache_folder(self._module)
-        self._allocates, self._is_linked = allocates, is_linked
+        self._allocates, self._is_linked, self._has_entry = allocates, is_linked, has_entry
         self._name = f"{function.__module__}.{function.__qualname__}.{kind}"
 
     @property
@@ -167,8 +169,11 @@ class KernelCache(_Cache):
         compiling.end()
         file = next(self._files(signature, compiled.target_context))
         (name, how, (code, bitcode)), *others = compiled._reduce()
-        if not self._is_linked:
-            bitcode = _names_only(compiled.fndesc)
+        own = compiled.fndesc
+        if self._has_entry:
+            bitcode = _names_only((entry_name(own),))
+        elif not self._is_linked:
+            bitcode = _names_only((own.llvm_func_name, own.llvm_cpython_wrapper_name))
         content = dumps(((name, how, (code, bitcode)), *others))
         draft = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
         with suppress(OSError):

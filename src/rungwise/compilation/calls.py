@@ -33,6 +33,7 @@ from numba.core.sigutils import normalize_signature
 from numba.core.typing.templates import make_intrinsic_template
 
 from rungwise.compilation.cache import KernelCache
+from rungwise.compilation.entries import WithEntry, entry_name, short, shortened
 from rungwise.compilation.indices import count_from_start
 from rungwise.compilation.progress import compiling
 
@@ -70,10 +71,13 @@ class KernelDispatcher(CPUDispatcher):
     """Numba's dispatcher, with the result's type from the annotation and the cache of this package."""
 
     def __init__(self, function: Callable[..., object], kind: str, **options: object) -> None:
-        super().__init__(py_func=function, targetoptions={"nopython": True, **options})
         self._returns = result_type(function)
         is_linked = kind == "part" or self._returns is None
-        self._cache = KernelCache(function, kind, bool(options["_nrt"]), is_linked)
+        has_entry = kind == "called" and not is_linked
+        how = {"pipeline_class": WithEntry} if has_entry else {}
+        options |= {"nopython": True, "no_cfunc_wrapper": True}
+        super().__init__(py_func=function, targetoptions=options, **how)
+        self._cache = KernelCache(function, kind, bool(options["_nrt"]), is_linked, has_entry)
 
     def compile(self, signature: Any) -> Any:
         arguments, _ = normalize_signature(signature)
@@ -83,7 +87,7 @@ class KernelDispatcher(CPUDispatcher):
         """Address of the machine code for these types of arguments; loaded or compiled now if need be."""
         self.compile(arguments)
         compiled = self.overloads[arguments]
-        return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+        return int(compiled.library.get_pointer_to_function(entry_name(compiled.fndesc)))
 
 
 def call(code: Callable[..., object], *arguments: object) -> object:
@@ -131,7 +135,8 @@ def _caller(key: bytes) -> Callable[..., Any]:
 
     def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         convention, module = context.call_conv, builder.module
-        kind = convention.get_function_type(signature.return_type, signature.args).as_pointer()
+        shorts = tuple(map(short, signature.args))
+        kind = convention.get_function_type(signature.return_type, shorts).as_pointer()
         cell = cgutils.add_global_variable(module, kind, ".cell")
         cell.linkage, cell.initializer = "internal", ir.Constant(kind, None)
         with builder.if_then(cgutils.is_null(builder, builder.load(cell)), likely=False):
@@ -142,8 +147,9 @@ def _caller(key: bytes) -> Callable[..., Any]:
             given = [builder.bitcast(text, cgutils.voidptr_t), size, builder.bitcast(cell, cgutils.voidptr_t)]
             with builder.if_then(cgutils.is_null(builder, builder.call(link, given)), likely=False):
                 convention.return_user_exc(builder, LinkError, ())
+        values = [shortened(context, builder, *each) for each in zip(signature.args, arguments, strict=True)]
         status, result = convention.call_function(
-            builder, builder.load(cell), signature.return_type, signature.args, arguments
+            builder, builder.load(cell), signature.return_type, shorts, values
         )
         with builder.if_then(status.is_error, likely=False):
             convention.return_status_propagate(builder, status)

@@ -179,5 +179,5 @@ def fastest_pair(
             lever += math.hypot(
                 state.placed.pose[b, 0] - body.pivot_x, state.placed.pose[b, 1] - body.pivot_y
             )
-        fastest = max(fastest, math.hypot(along, across) + spin * lever)
+        fastest = max(fastest, math.sqrt(along * along + across * across) + spin * lever)
     return 2.0 * fastest
