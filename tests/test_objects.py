@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+import rungwise.gym
 from rungwise.content import ByContent, same
 from rungwise.world.rollout import RolloutKeywords
 from rungwise.world.run import RunKeywords
@@ -167,6 +168,14 @@ def test_type_checkers_know_every_keyword(function: Callable[..., Any], told: An
     parameters = inspect.signature(function).parameters.values()
     own = {p.name: p.annotation for p in parameters if p.kind is p.KEYWORD_ONLY}
     assert own == {name: ref.__forward_arg__ for name, ref in told.__annotations__.items()}
+
+
+def test_errors_of_wrong_input_are_public() -> None:
+    """All but that of a step with more contacts than it has room for, which is tried again with more room."""
+    sources = Path(rw.__file__).parent.rglob("*.py")
+    kind = re.compile(r"^class (\w+)\((?:InputError|SceneError)\b", re.MULTILINE)
+    own = {name for source in sources for name in kind.findall(source.read_text("utf-8"))}
+    assert own - {*rw.__all__, *rungwise.gym.__all__} == {"Crowded"}
 
 
 FUNCTIONS = [value for name in rw.__all__ if inspect.isfunction(value := getattr(rw, name))]

@@ -43,6 +43,8 @@ from .planning.design.design import Design, design
 from .planning.diagnosis.diagnose import Diagnosis, diagnose
 from .planning.execution.verify import Verification, verify
 from .planning.lift.lift import plan
+from .planning.lift.stages import StageError
+from .planning.motion.free_paths import PlannerMissing
 from .planning.motion.propagate import Stage
 from .planning.plan import Plan, PlanError, load_plan
 from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
@@ -71,6 +73,7 @@ from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .viewing.inline import PictureError, plot, to_html
 from .viewing.plane.parting import draw_parting
+from .viewing.space.film import FilmError
 from .viewing.view import view
 from .viewing.write import ViewError
 from .world.batch import Batch, Results
@@ -105,6 +108,7 @@ __all__ = [
     "DoomedSet",
     "Explanation",
     "FeasibleSet",
+    "FilmError",
     "Fit",
     "FitError",
     "Geometry",
@@ -124,6 +128,7 @@ __all__ = [
     "Piece",
     "Plan",
     "PlanError",
+    "PlannerMissing",
     "Problem",
     "Replay",
     "ReplayError",
@@ -151,6 +156,7 @@ __all__ = [
     "SqueezeFunction",
     "SqueezePlan",
     "Stage",
+    "StageError",
     "State",
     "StateError",
     "States",

@@ -96,8 +96,9 @@ def plan(
     Stages on which nothing was found are left out; the first plan of a later stage is replayed on them, and
     the diagnosis says why it fails there.
 
-    Returns a plan; where none was found, `found` is false and `reason` says what is known. Raises SceneError,
-    TaskError and ScheduleOfStagesError for wrong input.
+    Returns a plan; where none was found, `found` is false and `reason` says what is known. Raises SceneError
+    for a wrong scene, TaskError for a task that cannot be planned or a wrong `initial`, StageError for a
+    wrong schedule, PlannerMissing where ways through free space need OMPL, which is not installed.
     """
     loaded = load(scene)
     given, rate = dict(parameters or {}), _rate(robust)

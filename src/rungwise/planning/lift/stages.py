@@ -21,7 +21,7 @@ fine steps on the rigid quasistatic rung, then on the last; fine steps on the la
 Schedule: TypeAlias = "str | Sequence[Stage | tuple[str | Rung, float] | str | Rung]"
 
 
-class ScheduleOfStagesError(InputError):
+class StageError(InputError):
     """A schedule of stages is wrong; one line that names it."""
 
 
@@ -32,12 +32,12 @@ def usual(task: Task, to: Rung | str) -> str:
     try:
         above = LADDER.index(rung(to)) > LADDER.index(QUASISTATIC_RIGID)
     except ValueError as error:
-        raise ScheduleOfStagesError(str(error)) from None
+        raise StageError(str(error)) from None
     return "quasistatic" if (task.is_slow or with_fingers(task).is_led) and above else "coarse-fine"
 
 
 def stages(schedule: Schedule, from_: Rung | str | None, to: Rung | str) -> list[Stage]:
-    """The stages of a schedule. Raises ScheduleOfStagesError."""
+    """The stages of a schedule. Raises StageError."""
     try:
         last = rung(to)
         first = None if from_ is None else rung(from_)
@@ -59,7 +59,7 @@ def stages(schedule: Schedule, from_: Rung | str | None, to: Rung | str) -> list
                 raise ValueError(f"from: {from_} is above {last.name}")
             return [*(Stage(each, COARSE) for each in climbed), Stage(last, FINE)]
     except ValueError as error:
-        raise ScheduleOfStagesError(str(error)) from None
+        raise StageError(str(error)) from None
     chosen = {
         "coarse-fine": [Stage(last, COARSE), Stage(last, FINE)],
         "quasistatic": [Stage(QUASISTATIC_RIGID, FINE), Stage(last, FINE)],

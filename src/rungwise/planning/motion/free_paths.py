@@ -35,7 +35,7 @@ def always() -> bool:
 
 
 class PlannerMissing(InputError):
-    """OMPL is not installed."""
+    """A plan needs ways through free space, and OMPL, which finds them (the extra `plan`), is missing."""
 
 
 def is_clear(gaps: Callable[[Reals], Reals], a: Reals, b: Reals, length: float, least: float) -> bool:
