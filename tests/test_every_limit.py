@@ -24,7 +24,7 @@ from rungwise.simulation.any_run import AnyRun
 FILES = {
     "dataset", "load", "load_counterexample", "load_doomed_set", "load_plan", "load_run", "load_set",
     "load_state", "read_problem", "from_csv", "from_datasets", "from_runs", "save", "text", "to_csv",
-    "to_mesh", "write_fclib", "yaml",
+    "to_mesh", "write_fclib", "yaml", "csv", "message", "joint_trajectory", "mjcf",
 }  # fmt: skip
 """Read or write what is there."""
 NAMES = {
@@ -179,6 +179,8 @@ CALLS: dict[str, tuple[Call, Says]] = {
     "Rolled.reason": (lambda _: rw.rollout(BALL, "kinematic").reason(0, limit=0), text),
     "plan": (lambda _: rw.plan("push", task_seed=4, limit=0), lambda found: found.reason),
     "Plan.replay": (lambda on: on.get("planned").replay(limit=0), running),
+    "Plan.joint_trajectory": (lambda on: on.get("planned").joint_trajectory(limit=0), text),
+    "Plan.mjcf": (lambda on: on.get("planned").mjcf(limit=0), text),
     "Plan.plot": (lambda on: on.get("planned").plot(limit=0), lambda figure: drawn(figure)),
     "plot": (lambda on: rw.plot(on.get("planned"), limit=0), lambda figure: drawn(figure)),
     "to_html": (
@@ -253,7 +255,7 @@ STEP.H[:] = np.eye(3)
 LINEAR = rw.Sensitivity(STEP, STEP.c, STEP.w, STEP.w_s)
 COUNTER = rw.Counterexample("two runs", _side, _side, 0.1, False, {}, rw.load("two_finger"))
 RAISES = {
-    "explain", "fit",
+    "explain", "fit", "Plan.joint_trajectory", "Plan.mjcf",
     "Sensitivity.forward", "Sensitivity.solved", "ask", "compare", "diagnose", "doomed_set", "draw_parting",
     "extreme_motions", "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets",
     "step_sensitivity",

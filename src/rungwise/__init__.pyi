@@ -78,6 +78,9 @@ from .viewing.view import view
 from .viewing.write import ViewError
 from .world.batch import Batch, Results
 from .world.carriers import TaskError
+from .world.export.mjcf import mjcf
+from .world.export.trajectory import JointTrajectory
+from .world.parts import ExportError
 from .world.planar.rollouts import Rollouts
 from .world.questions import Answers, Geometry, ask, geometry
 from .world.rollout import rollout
@@ -107,6 +110,7 @@ __all__ = [
     "Diagnosis",
     "DoomedSet",
     "Explanation",
+    "ExportError",
     "FeasibleSet",
     "FilmError",
     "Fit",
@@ -114,6 +118,7 @@ __all__ = [
     "Geometry",
     "InputError",
     "InvalidScene",
+    "JointTrajectory",
     "KeywordError",
     "Kind",
     "Label",
@@ -189,6 +194,7 @@ __all__ = [
     "load_run",
     "load_set",
     "load_state",
+    "mjcf",
     "parts",
     "plan",
     "plot",

@@ -16,11 +16,11 @@ from rungwise.cli.commands import (
     compare,
     design,
     doomed,
+    export,
     fit,
-    models,
+    known,
     plan,
     replay,
-    scenes,
     sets,
     sim,
     solve,
@@ -36,8 +36,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _command in (
-    models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
+    known.models, known.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
     design.design, compare.compare, fit.fit, solve.solve, view.view, replay.replay,
+    export.export,
 ):  # fmt: skip
     app.command()(_command)
 

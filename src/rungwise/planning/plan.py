@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.content import ByContent
+from rungwise.deadline import LimitError
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnosis.deferred import Deferred
 from rungwise.planning.diagnosis.diagnose import Diagnosis, table
@@ -39,6 +41,8 @@ from rungwise.world.run import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    import rungwise
 
 FORMAT = "rungwise plan 1"
 OPEN_LOOP, GUARDED, RE_PLANNING = "open loop", "guarded moves", "re-planning"
@@ -172,6 +176,26 @@ class Plan(ByContent):
             frames=frames, stride=stride, save_hard=save_hard, limit=limit,
             on_progress=on_progress,
         )  # fmt: skip
+        return run
+
+    @keywords
+    def joint_trajectory(
+        self, names: Sequence[str] | None = None, *, rate: float | None = None, limit: float | None = None
+    ) -> rungwise.JointTrajectory:
+        """Joints over time in the plan's run (see `Run.joint_trajectory`). Raises LimitError."""
+        return self._whole_run(limit).joint_trajectory(names, rate=rate)
+
+    @keywords
+    def mjcf(
+        self, at: float | Sequence[float] | None = None, *, whole: bool = True, limit: float | None = None
+    ) -> str:
+        """The scene as MJCF with keyframes of the plan's run (see `Run.mjcf`). Raises LimitError."""
+        return self._whole_run(limit).mjcf(at, whole=whole)
+
+    def _whole_run(self, limit: float | None) -> AnyRun:
+        run = self.replay(limit=limit)
+        if run.outcome.code == Code.RUNNING:
+            raise LimitError(run.reason)
         return run
 
     def __repr__(self) -> str:

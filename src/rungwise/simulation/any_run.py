@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ from rungwise.simulation.trajectory import save
 
 if TYPE_CHECKING:
     import xarray
+
+    import rungwise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,6 +120,41 @@ class AnyRun:
         """Write the run into `folder`, whole or not at all; `rungwise.load_run` reads it. Raises OSError,
         and ValueError for a run that never began."""
         return save(folder, self.trajectory, self.summary(), self._kept())
+
+    @keywords
+    def joint_trajectory(
+        self, names: Sequence[str] | None = None, *, rate: float | None = None
+    ) -> rungwise.JointTrajectory:
+        """Places, velocities and forces of joints over time, for what executes them: `.save("arm.csv")`, or
+        `.json` as a message of ROS.
+
+        Args:
+            names: coordinates, or the model's names of joints; those of robots if not given.
+            rate: how often in a unit of time; the recorded frames if not given.
+
+        Raises ExportError for names that are no joints, ValueError for a run that never began.
+        """
+        from importlib import import_module
+
+        found: rungwise.JointTrajectory = import_module("rungwise.world.export.trajectory").joint_trajectory(
+            self, names, rate
+        )
+        return found
+
+    @keywords
+    def mjcf(self, at: float | Sequence[float] | None = None, *, whole: bool = True) -> str:
+        """The scene as MJCF with keyframes of the recorded states nearest to these times (see
+        `rungwise.mjcf`); the end if no time is given, and of keyframes alone (`whole=False`) all states.
+
+        Raises ExportError for times outside the run and for a scene without a model, ValueError for a run
+        that never began.
+        """
+        from importlib import import_module
+
+        export: Any = import_module("rungwise.world.export.mjcf")
+        states = export.states_at(self, at, not whole)
+        text: str = export.mjcf(self.scene, states, parameters=self.parameters, whole=whole)
+        return text
 
     def _kept(self) -> dict[str, np.ndarray[Any, Any]]:
         """What neither trajectory nor summary hold, as arrays."""

@@ -1,8 +1,7 @@
 """What a scene can be asked and how it is run: the contract that each world implements in its own folder.
 
-Shapes: n_q coordinates, n_v velocities, c pairs of bodies that may touch, b bodies, u inputs, k parameters, m
-runs of s segments. Lengths, times and forces are in the scene's units, angles in radians.
-"""
+n_q coordinates, n_v velocities, c pairs of bodies that may touch, b bodies, u inputs, k parameters, m runs of
+s segments. Lengths, times and forces are in the scene's units, angles in radians."""
 
 from __future__ import annotations
 
@@ -20,6 +19,7 @@ from rungwise.scene.language.terms import Dimension, Term
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
+from rungwise.world.parts import Exported
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
@@ -282,7 +282,7 @@ class Marks(Protocol):
     def __call__(self, q: Reals) -> Reals: ...
 
 
-class World(Protocol):
+class World(Exported, Protocol):
     """A scene and its questions. shapes: what its bodies are (see `OUTLINES`); comparison_steps and
     replanning_steps: most steps of one run of a comparison, and of planning one move anew."""
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
+from rungwise.errors import InputError
 from rungwise.kernel import Reals
+from rungwise.scene.contract import AnyScene
+from rungwise.simulation.state import State
 
 Made = TypeVar("Made")
 Numbers = TypeVar("Numbers")
@@ -76,3 +79,32 @@ class SceneInstance(BoundInstance, Generic[Numbers]):
     def bound(self) -> Numbers:
         numbers: Numbers = self.scene.bind(self.parameters)
         return numbers
+
+
+class ExportError(InputError):
+    """Something cannot be written for another program; one line that says what, and what can."""
+
+
+class Exported(Protocol):
+    """What a world says of its scene to other programs."""
+
+    def joints(self) -> dict[str, str]:
+        """Coordinates that are single numbers, and what other programs call their joints."""
+
+    def mjcf(self, parameters: Mapping[str, float], states: Sequence[State], *, whole: bool = True) -> str:
+        """The scene as MJCF with a keyframe for each state, or the keyframes alone. Raises ExportError."""
+
+
+def coordinates_as_joints(scene: AnyScene) -> dict[str, str]:
+    """Every coordinate by its own name."""
+    return {name: name for name in scene.template.coordinates}
+
+
+def no_model(
+    scene: AnyScene, _parameters: Mapping[str, float], _states: Sequence[State], **_whole: bool
+) -> str:
+    """Raise ExportError: the scene has no model in MJCF."""
+    raise ExportError(
+        f"scene: {scene.name} has no MuJoCo model, and MJCF is written of scenes that have one; trajectories"
+        " of joints are written of every scene"
+    )

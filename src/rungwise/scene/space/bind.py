@@ -111,6 +111,21 @@ class SpaceBound:
 def bind(scene: Source, values: Reals) -> SpaceBound:
     """The scene at parameters and t (p + 1,). Raises InvalidScene, naming the field, where it is impossible
     there."""
+    return _bound(scene, values)[1]
+
+
+def specified(scene: Source, given: Mapping[str, float]) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """The specification of the model at all parameters, with what settling its start changed, and the model.
+    Raises InvalidScene."""
+    spec, bound = _bound(scene, np.array([*given.values(), 0.0]))
+    for number in np.flatnonzero(bound.model.body_mocapid >= 0).tolist():
+        own = spec.body(bound.model.body(number).name)
+        own.pos, own.quat = bound.model.body_pos[number], bound.model.body_quat[number]
+    return spec, bound.model
+
+
+def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
+    """The specification that a scene is bound from, and the scene bound."""
     file = scene.file
     number = Numbers(scene.template.names(), values)
     path = model_path(file.model.file, scene.folder)
@@ -139,7 +154,7 @@ def bind(scene: Source, values: Reals) -> SpaceBound:
         notes=left_out(model) + notes,
     )  # fmt: skip
     bound.tell(values)
-    return bound
+    return spec, bound
 
 
 def check_names(scene: Source, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

@@ -2,6 +2,7 @@
 
 They are looked for beside the URDF and in the folders above it, in the folders of ROS_PACKAGE_PATH and of
 AMENT_PREFIX_PATH, and in installed packages of Python.
+Files of meshes and textures are named by their whole paths where a model is written anywhere else.
 """
 
 from __future__ import annotations
@@ -12,9 +13,13 @@ import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
+
+if TYPE_CHECKING:
+    import mujoco
 
 NAMED = re.compile(
     r"""(?P<quote>["'])(?:package|model):/{2,3}(?P<package>[^/"']+)/(?P<inner>[^"']+)(?P=quote)"""
@@ -62,3 +67,22 @@ def _folders(package: str, path: Path) -> Iterator[Path]:
     spec = find_spec(package) if package.isidentifier() else None
     for each in (spec.submodule_search_locations or ()) if spec else ():
         yield Path(each)
+
+
+def with_files(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Name the files of a specification that was read in `folder` by their whole paths."""
+    meshes, textures = folder / spec.meshdir, folder / spec.texturedir
+    for each in (*spec.meshes, *spec.hfields, *spec.skins):
+        each.file = _whole(each.file, meshes, folder)
+    for each in spec.textures:
+        each.file = _whole(each.file, textures, folder)
+        for side, name in enumerate(each.cubefiles):
+            each.cubefiles[side] = _whole(name, textures, folder)
+    spec.meshdir = spec.texturedir = ""
+    spec.strippath = False
+
+
+def _whole(name: str, *folders: Path) -> str:
+    """Where a file lies; in URDF its own folders may be left out."""
+    candidates = [folder / inner for inner in (name, Path(name).name) for folder in folders] if name else []
+    return next((str(path.resolve()) for path in candidates if path.is_file()), name)

@@ -30,6 +30,7 @@ from rungwise.world.moving.place import MovingPlace
 from rungwise.world.moving.rollouts import MovingRollouts, rollout
 from rungwise.world.moving.runs import MovingRuns
 from rungwise.world.moving.variant import MovingVariant
+from rungwise.world.parts import coordinates_as_joints, no_model, of_scene
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,9 @@ class MovingWorld(ABC):
             ]
         lines += ["contacts", *(f"  {' | '.join(each['between'])}" for each in report["contacts"])]
         return "\n".join([*lines, *stated(report, 12)])
+
+    joints = of_scene(coordinates_as_joints)
+    mjcf = of_scene(no_model)
 
     def roles(self, _parameters: Mapping[str, float] | None = None) -> dict[str, str]:
         moving = {body_of(name) for name in self.scene.template.coordinates}

@@ -12,7 +12,7 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.saved import planar_run
 from rungwise.world.contract import OUTLINES
 from rungwise.world.moving.marks import coordinates_of
-from rungwise.world.parts import of_scene
+from rungwise.world.parts import coordinates_as_joints, no_model, of_scene
 from rungwise.world.planar.configurations import PlanarConfigurations
 from rungwise.world.planar.description import describe, described
 from rungwise.world.planar.evidence import end, evidence
@@ -54,6 +54,8 @@ class PlanarWorld:
     measures = of_scene(measures)
     describe = of_scene(describe)
     described = staticmethod(described)
+    joints = of_scene(coordinates_as_joints)
+    mjcf = of_scene(no_model)
     roles = of_scene(roles_in_plane)
 
     @property

@@ -17,6 +17,7 @@ from rungwise.world.parts import of_scene
 from rungwise.world.spatial.configurations import SpatialConfigurations
 from rungwise.world.spatial.description import describe, described
 from rungwise.world.spatial.evidence import end, evidence
+from rungwise.world.spatial.exported import joints, mjcf
 from rungwise.world.spatial.instance import SpatialInstance, roles_in_space
 from rungwise.world.spatial.marks import marks_of, measures
 from rungwise.world.spatial.matching import matched
@@ -50,6 +51,8 @@ class SpatialWorld:
     measures = of_scene(measures)
     describe = of_scene(describe)
     described = staticmethod(described)
+    joints = of_scene(joints)
+    mjcf = of_scene(mjcf)
 
     def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
         roles = roles_in_space(self.scene.bind(parameters))
