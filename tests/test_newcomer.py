@@ -121,8 +121,12 @@ def _recorder() -> ModuleType:
 @pytest.mark.parametrize("name", sorted(file.stem for file in NOTEBOOKS.glob("*.ipynb")))
 def test_notebooks_print_what_they_keep(name: str) -> None:
     record = _recorder()
-    for cell, said in record.printed(record.read(NOTEBOOKS / f"{name}.ipynb")):
+    pictures = 0
+    for cell, said, picture in record.printed(record.read(NOTEBOOKS / f"{name}.ipynb")):
         assert same(said, record.kept(cell)), f"{''.join(cell['source'])}\nprints\n{said}"
+        assert record.pictured(cell) == (picture is not None)
+        pictures += record.pictured(cell)
+    assert pictures
 
 
 def test_commands_of_the_gallery_are_its_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
