@@ -31,7 +31,7 @@ from rungwise.cli.terminal import INTERRUPTED, heard_at_once, refuse, show
 
 app = typer.Typer(
     name="rungwise",
-    help="Plan manipulation with contact models of every fidelity.",
+    help="Plan grasps and pushes with six contact models, and see where they disagree.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )

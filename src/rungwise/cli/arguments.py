@@ -72,26 +72,28 @@ SceneArgument = Annotated[
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", help="name=value of a parameter; may be repeated.", autocompletion=parameters),
+    typer.Option(
+        "--set", help="Value of a parameter, name=value; may be repeated.", autocompletion=parameters
+    ),
 ]
 OverOption = Annotated[
     str,
     typer.Option(
         "--over",
         autocompletion=parameters,
-        help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.",
+        help="Parameters to vary: NAME or NAME=LOW:HIGH, separated by commas.",
     ),
 ]
 SettleOption = Annotated[
     bool,
     typer.Option(
-        "--settle", help="In space: begin at the nearest start without overlap, with joints in range."
+        "--settle", help="In space: move the start to the nearest one without overlap, with joints in range."
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 ThreadsOption = Annotated[
-    int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
+    int | None, typer.Option("--threads", min=1, help="Number of threads; all cores if not given.")
 ]
 ClusterOption = Annotated[
     str | None,
@@ -99,10 +101,12 @@ ClusterOption = Annotated[
 ]
 LimitOption = Annotated[
     float | None,
-    numeric("--limit", "Ends after this time with what it has found, and says what is left.", "SECONDS"),
+    numeric("--limit", "End after this time, print the results so far and the work left undone.", "SECONDS"),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what --out names, if it exists.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Overwrite the file or folder of --out if it exists.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")]
 
 
 def load_scene(source: str, settle: bool = False) -> AnyScene:

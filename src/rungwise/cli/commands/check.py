@@ -19,7 +19,9 @@ def check(
     settle: SettleOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Validate a scene; print its bodies, coordinates, contacts and parameters."""
+    """Validate a scene, and print its contents.
+
+    Example: rungwise check gripper"""
     from rungwise.models.ladder import KINEMATIC
     from rungwise.planning.task.described import described, summary
     from rungwise.planning.task.fingers import taken

@@ -24,7 +24,7 @@ def compare(
     ] = "all",
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
-    samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn besides the scene's.")] = 8,
+    samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn, besides the scene's.")] = 8,
     seed: arg.SeedOption = 0,
     accuracy: Annotated[
         float,
@@ -40,8 +40,10 @@ def compare(
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
-    """How far the models are apart on a scene: the paper's Table 1, with numbers. SCENE may be a saved
-    counterexample: its two runs are repeated."""
+    """Measure how far the models are apart on a scene. This is the paper's Table 1, with numbers. SCENE may
+    also be a saved counterexample, whose two runs are repeated.
+
+    Example: rungwise compare two_finger"""
     from rungwise.hierarchy.compare import compare as measure
     from rungwise.hierarchy.counterexample import saved
 

@@ -21,10 +21,17 @@ def design(
         arg.rung("Rung of which on designs are searched, rung after rung.", "--from"),
     ] = None,
     robust: Annotated[
-        bool, typer.Option("--robust", help="Under what the scene's task calls uncertain.")
+        bool,
+        typer.Option(
+            "--robust", help="Maximize the rate of success under the uncertainty of the scene's task."
+        ),
     ] = False,
-    samples: Annotated[int, typer.Option("--samples", min=1, help="Fresh runs that confirm it.")] = 200,
-    draws: Annotated[int, typer.Option("--draws", min=1, help="Samples to try a design.")] = 50,
+    samples: Annotated[
+        int, typer.Option("--samples", min=1, help="Number of fresh runs that confirm the design.")
+    ] = 200,
+    draws: Annotated[
+        int, typer.Option("--draws", min=1, help="Number of samples with which each design is tried.")
+    ] = 50,
     tol: Annotated[float, arg.numeric("--tol", "Accuracy of the set's boundary.")] = 0.01,
     budget: Annotated[int, typer.Option("--budget", min=1, help="Greatest number of runs.")] = 200_000,
     limit: arg.LimitOption = None,
@@ -37,7 +44,9 @@ def design(
     threads: arg.ThreadsOption = None,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Choose parameters with which a scene succeeds, as far from failure as may be."""
+    """Choose parameters that succeed and lie far from failure. The answer says how far each may drift.
+
+    Example: rungwise design two_finger --over x3=-0.6:0.6,v2=0.2:2.2 --out best.yaml"""
     from rungwise.planning.design.design import design as choose
     from rungwise.viewing.designs import design_bars
     from rungwise.viewing.write import needs_matplotlib, write

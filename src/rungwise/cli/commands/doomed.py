@@ -19,10 +19,10 @@ def doomed(
         arg.rung("Rung of the ladder, with rigid contact."),
     ],
     over: Annotated[
-        str, typer.Option("--over", help="States, NAME or NAME=LOW:HIGH, separated by commas.")
+        str, typer.Option("--over", help="Coordinates of states: NAME or NAME=LOW:HIGH, separated by commas.")
     ],
     inputs: Annotated[
-        str, typer.Option("--inputs", help="Parameters that may change: NAME=LOW:HIGH, separated by commas.")
+        str, typer.Option("--inputs", help="Parameters that inputs may change: NAME=LOW:HIGH, by commas.")
     ],
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
@@ -31,9 +31,9 @@ def doomed(
         list[float] | None,
         arg.numeric("--stride", "Macro-step in cells that the fastest coordinate moves; may be repeated.")
     ] = None,
-    padding: Annotated[int, typer.Option("--padding", help="Cells around a cell that speak for it.")] = 1,
+    padding: Annotated[int, typer.Option("--padding", help="Neighbours examined together with a cell.")] = 1,
     solutions: Annotated[
-        str, typer.Option("--solutions", help="slowest; or any motion that overlaps nothing (kinematic).")
+        str, typer.Option("--solutions", help="slowest, or any: each motion without overlap (kinematic).")
     ] = "slowest",
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,
@@ -41,7 +41,10 @@ def doomed(
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
-    """States from which no input within bounds reaches the goal."""
+    """Find states from which no input reaches the goal. Inputs stay within their bounds.
+
+    Example: rungwise doomed two_finger --model kinematic --over x1,x3=-2:2,x2
+    --inputs v1=0.01:1,v2=0.01:1"""
     from importlib.util import find_spec
 
     from rungwise.deadline import Deadline, seconds

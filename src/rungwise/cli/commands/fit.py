@@ -24,7 +24,10 @@ def fit(
     values: arg.SetOption = None,
     deviation: Annotated[
         list[str] | None,
-        typer.Option("--deviation", help="name=value of a coordinate's deviation; may be repeated."),
+        typer.Option(
+            "--deviation",
+            help="Standard deviation of a coordinate's measurement, name=value; may be repeated.",
+        ),
     ] = None,
     span: Annotated[
         float | None,
@@ -42,12 +45,16 @@ def fit(
     out: Annotated[
         Path | None, arg.path("--out", "Folder for batches, the answer, and the scene found.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue from the batches kept in --out.")
+    ] = False,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Parameters of a scene from measured motions, and which rung explains them. Ctrl-C gives the best so
-    far."""
+    """Fit parameters of a scene to measured motions. With --model all the answer also says which rung
+    explains the motions. Ctrl-C gives the best answer so far.
+
+    Example: rungwise fit part.yaml --data measured.csv --model all --over mu,e"""
     from rungwise.fitting.explain import explain
     from rungwise.fitting.fit import fit as search
 

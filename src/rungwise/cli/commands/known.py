@@ -11,7 +11,7 @@ from rungwise.cli.terminal import show, show_json
 
 
 def models(as_json: JsonOption = False) -> int:
-    """The ladder: six contact models, what each keeps, and its equation in the paper."""
+    """List the six contact models with their equations."""
     from dataclasses import asdict
 
     from rungwise.models.ladder import LADDER
@@ -27,7 +27,7 @@ def scenes(
     as_json: JsonOption = False,
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of scene files.")] = False,
 ) -> int:
-    """The scenes that ship."""
+    """List the scenes that ship."""
     from rungwise.scene import load, shipped
     from rungwise.scene import schema as scene_schema
     from rungwise.scene.space.read import file_of, shipped_in_space

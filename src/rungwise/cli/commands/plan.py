@@ -32,10 +32,12 @@ def plan(
             " Default: the task's own.",
         ),
     ] = None,
-    budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
+    budget: Annotated[
+        int, typer.Option("--budget", min=1, help="Greatest number of simulated steps.")
+    ] = 1_250_000,
     limit: arg.LimitOption = None,
     improve: Annotated[
-        int, typer.Option("--improve", min=0, help="Simulated steps spent on plans of less cost.")
+        int, typer.Option("--improve", min=0, help="Simulated steps spent on reducing the cost of the plan.")
     ] = 0,
     robust: Annotated[
         float | None,
@@ -45,10 +47,13 @@ def plan(
             metavar="RATE",
         ),
     ] = None,
-    samples: Annotated[int, typer.Option("--samples", min=1, help="Samples that prove the rate.")] = 200,
+    samples: Annotated[
+        int, typer.Option("--samples", min=1, help="Number of samples that prove the rate.")
+    ] = 200,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the searches.")] = 0,
     task_seed: Annotated[
-        int | None, typer.Option("--task-seed", min=0, help="Draw the instance by the task's rules.")
+        int | None,
+        typer.Option("--task-seed", min=0, help="Seed for drawing an instance by the task's rules."),
     ] = None,
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
@@ -58,9 +63,12 @@ def plan(
     table: Annotated[Path | None, arg.path("--csv", "File for the time table of inputs.")] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Plan the task of a scene on one model after the other; says what breaks on the way.
+    """Plan the task of a scene, from cheap to rich models. The answer explains on which models the plan
+    fails.
 
-    Ctrl-C keeps the plan of the last stage that was finished."""
+    Example: rungwise plan push --task-seed 3 --out plan.json
+
+    Ctrl-C keeps the plan of the last finished stage."""
     from rungwise.planning.lift.lift import INTERRUPTED as STOPPED
     from rungwise.planning.lift.lift import plan as search
     from rungwise.planning.plan import PLACES_ONLY

@@ -50,8 +50,10 @@ def replay(
     limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Run a scene or a plan in space, give the same inputs to another simulator, and say where and why the
-    two part."""
+    """Compare a run in space with another simulator. It gets the same start and inputs, and the answer says
+    where and why the two motions part.
+
+    Example: rungwise replay slope --in mujoco --model dynamic-rigid"""
     from rungwise.deadline import Deadline, seconds
     from rungwise.simulation.spatial.replay import replay as judged
 

@@ -22,25 +22,31 @@ def sets(
     solutions: Annotated[
         str,
         typer.Option(
-            "--solutions", help="Of several motions: the slowest, possible, guaranteed, or all three sets."
+            "--solutions",
+            help="If a model admits several motions: slowest, possible, guaranteed, or all three sets.",
         ),
     ] = "slowest",
     lift: Annotated[
         bool,
-        typer.Option("--lift", help="With --model all: look for a boundary where the rung below has it."),
+        typer.Option("--lift", help="With --model all: search each boundary near that of the rung below."),
     ] = False,
     tol: Annotated[float, arg.numeric("--tol", "Accuracy of the boundary, as a part of the box.")] = 0.01,
     accuracy: Annotated[float | None, arg.numeric("--accuracy", "Error allowed per step of a run.")] = None,
-    probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
+    probes: Annotated[
+        int | None,
+        typer.Option("--probes", min=0, help="Random points that are run in each round of the search."),
+    ] = None,
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
     limit: arg.LimitOption = None,
     threads: arg.ThreadsOption = None,
     cluster: arg.ClusterOption = None,
     certify: Annotated[
-        int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
+        int, typer.Option("--certify", min=0, help="Number of fresh random points that test the result.")
     ] = 0,
     out: Annotated[Path | None, arg.path("--out", "Folder for batches, sets and the figure.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue from the batches kept in --out.")
+    ] = False,
     force: arg.ForceOption = False,
     html: Annotated[
         Path | None, arg.path("--html", "Surfaces, slices and runs in one file, for a browser.")
@@ -52,7 +58,10 @@ def sets(
     ] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
+    """Find the parameters with which a scene reaches its goal. All other parameters are labelled by the
+    outcome of their runs.
+
+    Example: rungwise sets two_finger --model all --over v1,v2 --html sets.html"""
     from importlib.util import find_spec
 
     from rungwise.deadline import Deadline, seconds

@@ -47,7 +47,9 @@ def sim(
     ] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Run a scene on one rung to its outcome."""
+    """Run a scene on one rung to its outcome.
+
+    Example: rungwise sim gripper --model dynamic-rigid --set mu=0.3"""
     from rungwise.deadline import Deadline, seconds
     from rungwise.models.ladder import rung
     from rungwise.simulation.options import ModelError

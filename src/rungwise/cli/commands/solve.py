@@ -17,7 +17,7 @@ def solve(
     kind: Annotated[
         str | None,
         typer.Option(
-            "--kind", help="Of a text file: lcp, mlcp, relay, local, global; by its name if not given."
+            "--kind", help="Kind of a text file: lcp, mlcp, relay, local, global; from its name if not given."
         ),
     ] = None,
     out: Annotated[
@@ -27,7 +27,9 @@ def solve(
     limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Solve a contact problem from disk."""
+    """Solve a contact problem from a file, and judge the answer.
+
+    Example: rungwise solve problem.hdf5 --out answer.npz"""
     from rungwise.contact.files import read_problem
     from rungwise.contact.solution import Status
     from rungwise.contact.solve import solve as solve_problem

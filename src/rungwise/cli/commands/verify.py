@@ -18,7 +18,7 @@ def verify(
         str | None,
         arg.rung("Rung; the plan's own if not given."),
     ] = None,
-    samples: Annotated[int, typer.Option("--samples", min=1, help="How many runs.")] = 200,
+    samples: Annotated[int, typer.Option("--samples", min=1, help="Number of runs.")] = 200,
     mode: Annotated[
         str | None,
         typer.Option("--mode", help='"open loop", "guarded moves", "re-planning"; default: the plan\'s own.'),
@@ -41,7 +41,10 @@ def verify(
     cluster: arg.ClusterOption = None,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
-    """Run a plan from starts, with parameters and inputs, that are drawn by its task."""
+    """Measure how often a plan succeeds under uncertainty. Starts, parameters and errors of inputs are drawn
+    from the plan's task.
+
+    Example: rungwise verify plan.json --samples 200"""
     from rungwise.planning.execution.verify import verify as run
 
     with stoppable("no sample is kept"), plain_errors(), progress.bar("verify", samples, as_json) as told:

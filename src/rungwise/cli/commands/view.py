@@ -41,9 +41,11 @@ def view(
     values: SetOption = None,
     settle: SettleOption = False,
     html: Annotated[Path | None, typer.Option("--html", help="Page in one file, for a browser.")] = None,
-    png: Annotated[Path | None, typer.Option("--png", help="Strip of frames; slices of sets.")] = None,
+    png: Annotated[
+        Path | None, typer.Option("--png", help="Picture: a strip of frames of runs, or slices of sets.")
+    ] = None,
     gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
-    frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
+    frames: Annotated[int, typer.Option("--frames", help="Number of frames of the strip.")] = 6,
     at: Annotated[float | None, numeric("--at", "Time of the one frame in the PNG.")] = None,
     parting: Annotated[
         Path | None,
@@ -54,14 +56,16 @@ def view(
         ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="A page that is served, of runs in space (needs the extra watch).")
+        bool,
+        typer.Option("--live", help="Serve a page of runs in space until Ctrl-C (needs the extra watch)."),
     ] = False,
     limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
+    """Draw runs, plans or sets. A scene or a plan is run on several rungs, which are drawn side by side. The
+    command writes SCENE.html if no file is named.
 
-    Writes SCENE.html if no file is named."""
+    Example: rungwise view two_finger --set v2=0.7"""
     from rungwise.deadline import Deadline, seconds
     from rungwise.viewing.view import view as draw
     from rungwise.viewing.write import ViewError
