@@ -181,6 +181,10 @@ WHOLE: dict[str, Any] = {
             "tangential_damping": 1.0,
             "coupling_stiffness": 1e3,
             "coupling_damping": 0.0,
+            "static_friction": 0.6,
+            "yield_speed": 1.0,
+            "adhesion": 1.0,
+            "adhesion_range": 1e-6,
         }
     ],
     "potentials": [{"stiffness": 1.0, "terms": {"tip.s": 1.0}, "target": 0.0, "on": ["tip.s"]}],

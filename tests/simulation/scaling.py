@@ -41,7 +41,7 @@ CONTACT = {
     f"{which}{kind}": (0, 1, -2 if kind == "stiffness" else -1)
     for which in ("", "tangential_", "coupling_")
     for kind in ("stiffness", "damping")
-}
+} | {"adhesion": FORCE, "adhesion_range": LENGTH, "yield_speed": (1, 0, -1)}
 WORLD = {"gravity": (1, 0, -2), "tolerance": LENGTH, "duration": TIME, "step": TIME}
 CONDITIONS = ("goal", "unsafe", "doomed")
 

@@ -17,6 +17,7 @@ from rungwise.scene.template.faults import (
     NO_INERTIA,
     NO_JOINT_AXIS,
     NO_MASS,
+    NOT_ABOVE,
     NOT_POSITIVE,
     OUT_OF_RANGE,
     OUT_OF_TRAVEL,
@@ -42,6 +43,8 @@ def bind(
         definite = c.coupling_stiffness**2 < c.stiffness * c.tangential_stiffness
         if not (definite and c.coupling_damping**2 <= c.damping * c.tangential_damping):
             return NOT_POSITIVE, k
+        if c.static_friction < c.friction:
+            return NOT_ABOVE, k
     fault, place = _derive(records)
     if fault == BOUND:
         fault, place = _supports(records)

@@ -138,6 +138,10 @@ class SceneBuilder:
         tangential_damping: Number | None = None,
         coupling_stiffness: Number | None = None,
         coupling_damping: Number | None = None,
+        static_friction: Number | None = None,
+        yield_speed: Number | None = None,
+        adhesion: Number | None = None,
+        adhesion_range: Number | None = None,
     ) -> None:
         """Bodies that may touch, by name or with ``*``, and how; the first entry that fits a pair holds."""
         fields = {key: value for key, value in locals().items() if key not in ("self", "one", "other")}

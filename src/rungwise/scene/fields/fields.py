@@ -255,7 +255,12 @@ class Joint(Strict):
 
 
 class Contact(Strict):
-    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
+    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds.
+
+    Laws that are off unless they are named: `static_friction` holds what does not slide, `friction` acts on
+    what does; restitution falls above `yield_speed`, as its power -1/4 (Johnson 1985); each point of contact
+    pulls with `adhesion` while its gap is at most `adhesion_range` (Derjaguin, Muller and Toporov 1975).
+    """
 
     between: tuple[Pattern, Pattern]
     friction: Number = 0.0
@@ -266,6 +271,16 @@ class Contact(Strict):
     tangential_damping: Number | None = None
     coupling_stiffness: Number = 0.0
     coupling_damping: Number = 0.0
+    static_friction: Number | None = None
+    yield_speed: Number | None = None
+    adhesion: Number | None = None
+    adhesion_range: Number | None = None
+
+    @model_validator(mode="after")
+    def _has_what_its_laws_need(self) -> Contact:
+        if self.adhesion_range is not None and self.adhesion is None:
+            raise PydanticCustomError("contact", "adhesion_range needs adhesion, a force")
+        return self
 
 
 class Potential(Strict):

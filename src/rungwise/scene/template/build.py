@@ -282,7 +282,25 @@ class _Builder:
         put("tangential_damping", contact.damping if tangential is None else tangential)
         for field in ("coupling_stiffness", "coupling_damping"):
             self.put("contacts", index, field, getattr(contact, field), f"{path}.{field}")
+        self._laws(index, path, contact)
         self._raised(index, pair)
+
+    def _laws(self, index: int, path: str, contact: Contact) -> None:
+        """What the scene names beside the common laws of contact, and the numbers that leave those as they
+        are."""
+        reach = self.scene.tolerance if contact.adhesion_range is None else contact.adhesion_range
+        for law, field, value, otherwise, above, infinite in (
+            (rec.ADHERES, "adhesion", contact.adhesion, 0.0, None, False),
+            (rec.ADHERES, "adhesion_range", reach, 0.0, 0.0, False),
+            (rec.FADES, "yield_speed", contact.yield_speed, INF, 0.0, True),
+            (rec.STICKS, "static_friction", contact.static_friction, contact.friction, None, False),
+        ):
+            if value is not None and field != "adhesion_range":
+                self.records.contacts[index]["laws"] |= law
+            self.put(
+                "contacts", index, field, otherwise if value is None else value, f"{path}.{field}",
+                above=above, at_least=0.0, infinite=infinite,
+            )  # fmt: skip
 
     def _raised(self, index: int, pair: tuple[str, str]) -> None:
         """How high a robot is above an object, where it may be raised."""

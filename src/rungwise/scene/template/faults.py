@@ -16,7 +16,8 @@ from __future__ import annotations
     NO_AREA,
     NO_WEIGHT,
     OVERHANGS,
-) = range(13)
+    NOT_ABOVE,
+) = range(14)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",
@@ -30,6 +31,7 @@ FAULTS = {
     NO_WEIGHT: "one of the weights must be greater than 0",
     OVERHANGS: "no pressure under the body has its centre there: it must be within the convex hull of the"
     " shapes, or of the points of the pressure",
+    NOT_ABOVE: "static_friction must be at least friction",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
 """Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,

@@ -18,6 +18,7 @@ NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
 ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
 UNIFORM, RING, POINTS, RATIO = 0, 1, 2, 3
+ADHERES, FADES, STICKS, POISSON = 1, 2, 4, 8
 
 WORLD = record_type("", "gravity_x gravity_y tolerance duration step")
 BODY = record_type(
@@ -44,12 +45,15 @@ VERTEX = record_type("", "x y normal_x normal_y length")
 """Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""
 
 CONTACT = record_type(
-    "body_a body_b watched weighed lifts",
+    "body_a body_b watched weighed lifts laws",
     "friction restitution stiffness tangential_stiffness coupling_stiffness"
-    " damping tangential_damping coupling_damping raised",
+    " damping tangential_damping coupling_damping raised"
+    " adhesion adhesion_range yield_speed static_friction",
 )
 """`watched`: some condition reads the gap; `weighed`: some condition reads the force; `lifts`:
-one of the bodies may be raised off the plane; `raised`: how high it is: above 0, they do not touch."""
+one of the bodies may be raised off the plane; `raised`: how high it is: above 0, they do not touch; `laws`:
+the sum of those of ADHERES, FADES, STICKS and POISSON that the scene names; yield_speed and
+static_friction: infinite and `friction` where it names none."""
 PAIR = record_type("contact shape_a shape_b", "")
 POTENTIAL = record_type("", "stiffness target")
 TERM = record_type("acts", "factor")

@@ -33,7 +33,8 @@ class State(Block):
     `passive` (n,) is the push of loads other than drives, `reaction` (n,) the force of each drive.
 
     Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
-    impulse (, d) since the last frame.
+    impulse (, d) since the last frame; `static` (2, slots): friction of what sticks and of what slides, where
+    a contact tells them apart (2, 0 where none does; see `core.sticking`).
     """
 
     clock: RecordArray
@@ -48,6 +49,7 @@ class State(Block):
     modes: Ints
     force: Reals
     impulse: Reals
+    static: Reals
 
 
 class Scratch(Block):
@@ -114,6 +116,7 @@ def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:
         "modes": np.zeros(slots, np.int64),
         "force": np.zeros((slots, d)),
         "impulse": np.zeros((slots, d)),
+        "static": np.zeros((2, 0)),
     }
 
 

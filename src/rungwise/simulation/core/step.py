@@ -29,6 +29,7 @@ from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, so
 from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
+from rungwise.simulation.core.sticking import hold_still, lets_slide
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
@@ -55,6 +56,17 @@ def solve_step(trial: Trial) -> int:
 
     Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
+    if trial.state.static.shape[1] > 0:
+        hold_still(trial)
+    while True:
+        status = _solve_or_hold(trial)
+        if trial.state.static.shape[1] == 0 or not lets_slide(trial, status == UNSOLVED, status == SUPPORTED):
+            return status
+
+
+@kernel
+def _solve_or_hold(trial: Trial) -> int:
+    """See `solve_step`."""
     rung, terms, state, scratch = trial.rung, trial.terms, trial.state, trial.scratch
     status = _solve_with_care(trial, False)
     free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene
 from rungwise.scene.fields.fields import Drive, Joint
+from rungwise.scene.template.records import ADHERES, FADES, STICKS
 from rungwise.system.planar.place import turns
 from rungwise.world.description import common, heading, stated
+from rungwise.world.planar.variant import ADHERING, FADING, STICKING, named
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -49,9 +51,10 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "drive": None if drive is None else drive.kind,
             "law": _law(drive),
         }
-    contacts = [
+    contacts: list[dict[str, Any]] = [
         {"between": list(pair)}
         | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
+        | named(record, STICKS | FADES | ADHERES)
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
     joints: dict[str, Any] = {}
@@ -120,6 +123,9 @@ def described(report: Mapping[str, Any]) -> str:
         lines.append(
             f"  {a} | {b}: friction {c['friction']:.6g}, restitution {c['restitution']:.6g},"
             f" stiffness {c['stiffness']:.6g}, damping {c['damping']:.6g}"
+            + "".join(
+                f", {x.replace('_', ' ')} {c[x]:.6g}" for x in (*STICKING, *FADING, *ADHERING) if x in c
+            )
         )
     lines += stated(report, 12)
     return "\n".join(lines)

@@ -12,13 +12,16 @@ from rungwise.kernel import Ints
 from rungwise.scene import Scene, load
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
-from rungwise.scene.template.records import Records
+from rungwise.scene.template.records import ADHERES, FADES, STICKS, Records
 from rungwise.world.ingredients import CONDITIONS, RESTITUTION, Variant
 
 GIVE = (
     "stiffness", "damping", "tangential_stiffness", "tangential_damping", "coupling_stiffness",
     "coupling_damping",
 )  # fmt: skip
+STICKING, FADING, ADHERING = ("static_friction",), ("yield_speed",), ("adhesion", "adhesion_range")
+"""Numbers of the laws of contact that are off unless a scene names them, by the ingredient they belong to:
+friction, restitution, and all others."""
 RESISTS = ("damping", "dry_friction")
 
 
@@ -42,7 +45,7 @@ class PlanarVariant(Variant):
             case "balance":
                 return not model.metric
             case "friction":
-                return contacts["friction"].tolist() if model.friction else 0.0
+                return _told(contacts, ("friction", *STICKING)) if model.friction else 0.0
             case "support":
                 return self._support() if model.loads else 0.0
             case "compliance":
@@ -51,7 +54,7 @@ class PlanarVariant(Variant):
                 return model.inertia
             case "restitution":
                 bounces = model.inertia > 0.0 and not model.compliant and contacts["restitution"].any()
-                return contacts["restitution"].tolist() if bounces else 0.0
+                return _told(contacts, ("restitution", *FADING)) if bounces else 0.0
             case "accuracy":
                 return self.tol
         return self._others()
@@ -67,14 +70,15 @@ class PlanarVariant(Variant):
         file: dict[str, Any] = json.loads(self.scene.file.model_dump_json(exclude_unset=True))
         for name in CONDITIONS:
             file.pop(name, None)
-        slips, gives = friction.records.contacts["friction"], give.records.contacts
-        bounces = (
-            bounce.records.contacts["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))
-        )
+        slips, gives = friction.records.contacts, give.records.contacts
+        own, rebounds = self.records.contacts, bounce.records.contacts
+        bounces = rebounds["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))
         file["contacts"] = [
             {
-                "between": list(pair), "friction": float(slips[k]), "restitution": float(bounces[k]),
+                "between": list(pair), "friction": float(slips[k]["friction"]),
+                "restitution": float(bounces[k]),
                 **{name: float(gives[name][k]) for name in GIVE},
+                **named(slips[k], STICKS), **named(rebounds[k], FADES), **named(own[k], ADHERES),
             }
             for k, pair in enumerate(self.scene.template.contacts)
         ]  # fmt: skip
@@ -96,7 +100,24 @@ class PlanarVariant(Variant):
             coordinates[name][self.objects] = 0.0
         kinds = ("bodies", "shapes", "vertices", "potentials", "terms", "joints", "measures")
         gravity = [float(records.world[0][name]) for name in ("gravity_x", "gravity_y")]
-        return [gravity, coordinates.tobytes(), *(getattr(records, kind).tobytes() for kind in kinds)]
+        adhesion = _told(records.contacts, ADHERING)
+        return [
+            gravity,
+            adhesion,
+            coordinates.tobytes(),
+            *(getattr(records, kind).tobytes() for kind in kinds),
+        ]
+
+
+def named(contact: Any, laws: int) -> dict[str, float]:
+    """The fields of these laws that a contact's record has beside the common ones."""
+    fields = {STICKS: STICKING, FADES: FADING, ADHERES: ADHERING}
+    own = [name for law, names in fields.items() if contact["laws"] & laws & law for name in names]
+    return {name: float(contact[name]) for name in own}
+
+
+def _told(contacts: Any, fields: tuple[str, ...]) -> list[list[float]]:
+    return [contacts[name].tolist() for name in fields]
 
 
 def _put_support(bodies: dict[str, Any], base: PlanarVariant, world: PlanarVariant) -> None:

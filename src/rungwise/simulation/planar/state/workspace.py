@@ -12,7 +12,7 @@ from rungwise.block import Block
 from rungwise.contact.step import STICK, ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.scene.language.expression import SLOTS, STACK
-from rungwise.scene.template.records import Records
+from rungwise.scene.template.records import STICKS, Records
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
 from rungwise.system.entries import CROWDED
@@ -30,7 +30,7 @@ Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " lifts landed centred lost stalled snapped crowd blamed votes refusal meets",
+    " lifts laws landed centred lost stalled snapped crowd blamed votes refusal meets",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
@@ -45,7 +45,8 @@ thickness of the thinnest pair. `gained` is energy that bounces added. In the st
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
 to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
 `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
-`lifts`: whether some body may be raised off the plane; `landed` is the contact at which one came down on
+`lifts`: whether some body may be raised off the plane; `laws`: the sum of those of contact beside the common
+ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
@@ -314,7 +315,8 @@ def allocate(
         clock=carried["clock"],
         v=values[at + n : at + 2 * n],
         **core.state_arrays(n, slots, d)
-        | {name: carried[name] for name in ("deformation", "modes", "force")},
+        | {name: carried[name] for name in ("deformation", "modes", "force")}
+        | {"static": np.zeros((2, slots if (records.contacts["laws"] & STICKS).any() else 0))},
         memory=memory,
         values=values,
         q=values[at : at + n],

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rungwise.kernel import RecordArray, copy, rare_kernel
-from rungwise.scene.template.records import Records
-from rungwise.simulation.planar.state.nearby import gather, join
+from rungwise.scene.template.records import ADHERES, Records
+from rungwise.simulation.planar.state.nearby import attract, gather, join
 from rungwise.simulation.planar.state.workspace import Scratch, Workspace
 from rungwise.simulation.planar.step.midpoint_rows import take_means
 from rungwise.system.planar import terms as planar
@@ -34,6 +34,8 @@ def linearise(records: Records, rung: RecordArray, workspace: Workspace, h: floa
             records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
             state.passive, terms,
         )  # fmt: skip
+        if clock.laws & ADHERES:
+            attract(records, workspace)
     else:
         copy(workspace.early.load, terms.load)
     contacts = gather(records, workspace)

@@ -1,0 +1,101 @@
+"""Static above kinetic friction: what sticks may be held by more than what slides.
+
+A contact that stuck in the last step, or that closes without sliding, is tried with its static friction. If
+it slides in the solution, the step is solved again with its kinetic friction, and so on until none slides
+that is held by more. A solution with kinetic friction everywhere always meets the law, for what sticks with
+less also sticks with more: so it is taken, too, where the step has no solution with static friction.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.step import OPEN, STICK
+from rungwise.kernel import kernel, rare_kernel
+from rungwise.simulation.core.state import State, Trial
+from rungwise.system.entries import is_crowded, rate, spans
+from rungwise.system.terms import Terms
+
+STATIC, KINETIC = 0, 1
+
+
+@rare_kernel
+def hold_still(trial: Trial) -> None:
+    """Let contacts that do not slide where the step begins have their static friction."""
+    terms, state, slots = trial.terms, trial.state, trial.scratch.slots
+    for k in range(trial.contacts):
+        own = terms.friction[k] == state.static[KINETIC, slots[k]]
+        if own and _sticks(trial, k):
+            terms.friction[k] = state.static[STATIC, slots[k]]
+
+
+@kernel
+def _sticks(trial: Trial, k: int) -> bool:
+    """Whether contact k stuck in the last step, or its sides do not slide along each other."""
+    _, h, terms, _, state, scratch, _ = trial
+    d = terms.contact_stiffness.shape[1]
+    for i in range(1, d if state.modes[scratch.slots[k]] != STICK else 1):
+        if h * abs(_slip(d * k + i, d, terms, state)) > terms.rounding[0]:
+            return False
+    return True
+
+
+@kernel
+def _slip(r: int, d: int, terms: Terms, state: State) -> float:
+    """Rate of row r where the step begins."""
+    slip = rate(terms.entries, terms.rows, r, d, state.speed)
+    first, middle, second, last = 0, state.v.shape[0], 0, 0
+    if is_crowded(terms.entries):
+        first, middle, second, last = spans(terms.entries.rows, r // d)
+    for i in range(first, middle):
+        slip += 0.0 if state.prescribed[i] else terms.rows[r, i] * state.v[i]
+    for i in range(second, last):
+        slip += 0.0 if state.prescribed[i] else terms.rows[r, i] * state.v[i]
+    return slip
+
+
+@rare_kernel
+def lets_slide(trial: Trial, unsolved: bool, supported: bool) -> bool:
+    """Whether the step just solved must be solved again, with kinetic friction where a contact slides that
+    had more, or everywhere if it is unsolved; what static friction cannot support no other can. Where not,
+    frictions are kinetic afterwards."""
+    terms, state, slots, again = trial.terms, trial.state, trial.scratch.slots, False
+    if unsolved or supported:
+        for k in range(trial.contacts):
+            held = terms.friction[k] > state.static[KINETIC, slots[k]]
+            if held and (unsolved or _slides(trial, k)):
+                terms.friction[k], again = state.static[KINETIC, slots[k]], True
+    if not again:
+        for k in range(trial.contacts):
+            if terms.friction[k] > state.static[KINETIC, slots[k]]:
+                terms.friction[k] = state.static[KINETIC, slots[k]]
+    return again
+
+
+@kernel
+def _slides(trial: Trial, k: int) -> bool:
+    """Whether contact k slides in the solution by more than rounding: where forces are not determined, some
+    contacts of a rigid body may be at their limits though the body sticks."""
+    scratch, problem, d = trial.scratch, trial.problem, trial.terms.contact_stiffness.shape[1]
+    if scratch.mode[k] == OPEN or scratch.mode[k] == STICK:
+        return False
+    for i in range(1, d):
+        slip = problem.w[d * k + i]
+        slip += _product(trial, d * k + i, d)
+        for j in range(d):
+            slip += problem.R[k, i, j] * scratch.contact_force[d * k + j]
+        if abs(slip) > problem.quantum[0]:
+            return True
+    return False
+
+
+@kernel
+def _product(trial: Trial, r: int, d: int) -> float:
+    """Row r of W times the solved velocities."""
+    W, x, entries, total = trial.problem.W, trial.scratch.x, trial.terms.entries, 0.0
+    first, middle, second, last = 0, trial.state.clock[0].free, 0, 0
+    if is_crowded(entries):
+        first, middle, second, last = spans(entries.columns, r // d)
+    for j in range(first, middle):
+        total += W[r, j] * x[j]
+    for j in range(second, last):
+        total += W[r, j] * x[j]
+    return total
