@@ -185,6 +185,7 @@ WHOLE: dict[str, Any] = {
             "yield_speed": 1.0,
             "adhesion": 1.0,
             "adhesion_range": 1e-6,
+            "impact": "poisson",
         }
     ],
     "potentials": [{"stiffness": 1.0, "terms": {"tip.s": 1.0}, "target": 0.0, "on": ["tip.s"]}],

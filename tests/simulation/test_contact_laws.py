@@ -276,7 +276,13 @@ def test_static_friction_below_kinetic_is_refused_in_a_line() -> None:
 @on_loaded
 def test_laws_do_not_depend_on_units(rung: Rung) -> None:
     ball = disc(0.02, coordinates={"x": {"speed": 0.3, "damping": 1.0}, "y": {"damping": 1.0}})
-    law = RAMP | {"restitution": 0.6, "yield_speed": 0.2, "adhesion": 3.0, "adhesion_range": 1e-3}
+    law = RAMP | {
+        "restitution": 0.6,
+        "yield_speed": 0.2,
+        "adhesion": 3.0,
+        "adhesion_range": 1e-3,
+        "impact": "poisson",
+    }
     data = on_floor(ball, law, duration=0.3, step=1e-3)
     units = Units(length=1e3, mass=1e-3, time=10.0)
     here, there = rw.simulate(data, rung), rw.simulate(scaled(rw.load(data), units), rung)

@@ -142,6 +142,7 @@ class SceneBuilder:
         yield_speed: Number | None = None,
         adhesion: Number | None = None,
         adhesion_range: Number | None = None,
+        impact: str | None = None,
     ) -> None:
         """Bodies that may touch, by name or with ``*``, and how; the first entry that fits a pair holds."""
         fields = {key: value for key, value in locals().items() if key not in ("self", "one", "other")}

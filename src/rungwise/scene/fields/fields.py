@@ -259,7 +259,8 @@ class Contact(Strict):
 
     Laws that are off unless they are named: `static_friction` holds what does not slide, `friction` acts on
     what does; restitution falls above `yield_speed`, as its power -1/4 (Johnson 1985); each point of contact
-    pulls with `adhesion` while its gap is at most `adhesion_range` (Derjaguin, Muller and Toporov 1975).
+    pulls with `adhesion` while its gap is at most `adhesion_range` (Derjaguin, Muller and Toporov 1975);
+    `impact` says whether restitution is Newton's, of speeds, or Poisson's, of impulses.
     """
 
     between: tuple[Pattern, Pattern]
@@ -275,6 +276,7 @@ class Contact(Strict):
     yield_speed: Number | None = None
     adhesion: Number | None = None
     adhesion_range: Number | None = None
+    impact: Literal["newton", "poisson"] = "newton"
 
     @model_validator(mode="after")
     def _has_what_its_laws_need(self) -> Contact:

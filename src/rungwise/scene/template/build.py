@@ -288,6 +288,8 @@ class _Builder:
     def _laws(self, index: int, path: str, contact: Contact) -> None:
         """What the scene names beside the common laws of contact, and the numbers that leave those as they
         are."""
+        if contact.impact == "poisson":
+            self.records.contacts[index]["laws"] |= rec.POISSON
         reach = self.scene.tolerance if contact.adhesion_range is None else contact.adhesion_range
         for law, field, value, otherwise, above, infinite in (
             (rec.ADHERES, "adhesion", contact.adhesion, 0.0, None, False),
@@ -330,7 +332,7 @@ class _Builder:
         used = {entry for _, entry, _ in self.matched}
         for entry, contact in enumerate(self.scene.contacts):
             for field, value in contact:
-                if entry not in used and isinstance(value, str):
+                if entry not in used and field != "impact" and isinstance(value, str):
                     self.names.number(value, f"contacts.{entry}.{field}")
 
     def _potential(self, index: int) -> None:

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.contact.step import ContactProblem, Elimination, Sizes, Unknowns, matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
+from rungwise.system.entries import is_crowded, spans
 from rungwise.system.terms import Terms
+
+STATIC, KINETIC, IMPULSIVE = 0, 1, 2
+"""Rows of `State.laws`."""
 
 COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
@@ -33,8 +37,8 @@ class State(Block):
     `passive` (n,) is the push of loads other than drives, `reaction` (n,) the force of each drive.
 
     Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
-    impulse (, d) since the last frame; `static` (2, slots): friction of what sticks and of what slides, where
-    a contact tells them apart (2, 0 where none does; see `core.sticking`).
+    impulse (, d) since the last frame. `laws` (3, slots): friction of what sticks, and of what slides (see
+    `core.sticking`), and whether impacts have two phases (`core.impacts`); (3, 0) where no contact names one.
     """
 
     clock: RecordArray
@@ -49,7 +53,7 @@ class State(Block):
     modes: Ints
     force: Reals
     impulse: Reals
-    static: Reals
+    laws: Reals
 
 
 class Scratch(Block):
@@ -57,7 +61,8 @@ class Scratch(Block):
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
     notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
     that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
-    `halt` (1,) is set from outside where the step is to be given up."""
+    `impact` (4, contacts) is of impacts in two phases, (4, 0) where there are none. `halt` (1,) is set from
+    outside where the step is to be given up."""
 
     x: Reals
     v_new: Reals
@@ -72,6 +77,7 @@ class Scratch(Block):
     hard: Reals
     support: RecordArray
     other: Reals
+    impact: Reals
     halt: Ints
 
 
@@ -91,6 +97,14 @@ class Trial(NamedTuple):
 def sizes_in(trial: Trial) -> Sizes:
     clock = trial.state.clock[0]
     return Sizes(clock.free, trial.contacts, clock.limited)
+
+
+@inner_kernel
+def columns_of(trial: Trial, k: int) -> tuple[int, int, int, int]:
+    """Two spans of columns outside of which the rows of contact k in the problem are zero."""
+    if is_crowded(trial.terms.entries):
+        return spans(trial.terms.entries.columns, k)
+    return 0, int(trial.state.clock[0].free), 0, 0
 
 
 @inner_kernel
@@ -116,7 +130,7 @@ def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:
         "modes": np.zeros(slots, np.int64),
         "force": np.zeros((slots, d)),
         "impulse": np.zeros((slots, d)),
-        "static": np.zeros((2, 0)),
+        "laws": np.zeros((3, 0)),
     }
 
 
@@ -141,5 +155,6 @@ def scratch_arrays(
         "hard": np.zeros(notes),
         "support": np.zeros(limited, SUPPORT),
         "other": np.append(np.zeros(n), -1.0),
+        "impact": np.zeros((4, 0)),
         "halt": np.zeros(1, np.int64),
     }

@@ -26,6 +26,7 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
+from rungwise.simulation.core.impacts import compress, end_impact, expand
 from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
@@ -56,11 +57,16 @@ def solve_step(trial: Trial) -> int:
 
     Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
-    if trial.state.static.shape[1] > 0:
+    lawful = trial.state.laws.shape[1] > 0
+    if lawful:
         hold_still(trial)
+        compress(trial)
     while True:
         status = _solve_or_hold(trial)
-        if trial.state.static.shape[1] == 0 or not lets_slide(trial, status == UNSOLVED, status == SUPPORTED):
+        if not lawful:
+            return status
+        if not lets_slide(trial, status == UNSOLVED, status == SUPPORTED):
+            end_impact(trial)
             return status
 
 
@@ -188,6 +194,8 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
         for i in range(n):
             scratch.x[i] = state.v[state.free[i]] if rung[0].inertia == 1.0 else 0.0
         status = solve_assembled(trial, convex)
+        if bounced and status == SOLVED and state.laws.shape[1] > 0:
+            status = expand(trial)
         if status == SOLVED and clock.theta < 1.0 and _is_held(trial):
             clock.theta = 1.0
         elif status == SOLVED:

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from rungwise.contact.step import OPEN, STICK
 from rungwise.kernel import kernel, rare_kernel
-from rungwise.simulation.core.state import State, Trial
+from rungwise.simulation.core.state import KINETIC, STATIC, State, Trial, columns_of
 from rungwise.system.entries import is_crowded, rate, spans
 from rungwise.system.terms import Terms
-
-STATIC, KINETIC = 0, 1
 
 
 @rare_kernel
@@ -22,9 +20,9 @@ def hold_still(trial: Trial) -> None:
     """Let contacts that do not slide where the step begins have their static friction."""
     terms, state, slots = trial.terms, trial.state, trial.scratch.slots
     for k in range(trial.contacts):
-        own = terms.friction[k] == state.static[KINETIC, slots[k]]
+        own = terms.friction[k] == state.laws[KINETIC, slots[k]]
         if own and _sticks(trial, k):
-            terms.friction[k] = state.static[STATIC, slots[k]]
+            terms.friction[k] = state.laws[STATIC, slots[k]]
 
 
 @kernel
@@ -60,13 +58,13 @@ def lets_slide(trial: Trial, unsolved: bool, supported: bool) -> bool:
     terms, state, slots, again = trial.terms, trial.state, trial.scratch.slots, False
     if unsolved or supported:
         for k in range(trial.contacts):
-            held = terms.friction[k] > state.static[KINETIC, slots[k]]
+            held = terms.friction[k] > state.laws[KINETIC, slots[k]]
             if held and (unsolved or _slides(trial, k)):
-                terms.friction[k], again = state.static[KINETIC, slots[k]], True
+                terms.friction[k], again = state.laws[KINETIC, slots[k]], True
     if not again:
         for k in range(trial.contacts):
-            if terms.friction[k] > state.static[KINETIC, slots[k]]:
-                terms.friction[k] = state.static[KINETIC, slots[k]]
+            if terms.friction[k] > state.laws[KINETIC, slots[k]]:
+                terms.friction[k] = state.laws[KINETIC, slots[k]]
     return again
 
 
@@ -79,23 +77,13 @@ def _slides(trial: Trial, k: int) -> bool:
         return False
     for i in range(1, d):
         slip = problem.w[d * k + i]
-        slip += _product(trial, d * k + i, d)
+        first, middle, second, last = columns_of(trial, k)
+        for j in range(first, middle):
+            slip += problem.W[d * k + i, j] * scratch.x[j]
+        for j in range(second, last):
+            slip += problem.W[d * k + i, j] * scratch.x[j]
         for j in range(d):
             slip += problem.R[k, i, j] * scratch.contact_force[d * k + j]
         if abs(slip) > problem.quantum[0]:
             return True
     return False
-
-
-@kernel
-def _product(trial: Trial, r: int, d: int) -> float:
-    """Row r of W times the solved velocities."""
-    W, x, entries, total = trial.problem.W, trial.scratch.x, trial.terms.entries, 0.0
-    first, middle, second, last = 0, trial.state.clock[0].free, 0, 0
-    if is_crowded(entries):
-        first, middle, second, last = spans(entries.columns, r // d)
-    for j in range(first, middle):
-        total += W[r, j] * x[j]
-    for j in range(second, last):
-        total += W[r, j] * x[j]
-    return total

@@ -13,7 +13,7 @@ from rungwise.models.assemble import Step, assemble
 from rungwise.models.entries import Velocities
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene.template.records import ADHERES, SPEED, STICKS
+from rungwise.scene.template.records import ADHERES, POISSON, SPEED, STICKS
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
@@ -73,9 +73,10 @@ class Assembly:
                 "support, or dry_friction along several coordinates of a body: no law that is differentiated"
                 " yet; leave it out, or give dry_friction along one"
             )
-        if simulation.workspace.state.clock[0]["laws"] & (ADHERES | STICKS):
+        if simulation.workspace.state.clock[0]["laws"] & (ADHERES | STICKS | POISSON):
             raise ModelError(
-                "contacts: adhesion and static_friction are no laws that are differentiated; leave them out"
+                "contacts: adhesion, static_friction and impact: poisson are no laws that are differentiated;"
+                " leave them out"
             )
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state

@@ -30,7 +30,7 @@ from rungwise.simulation.planar.state.inputs import (
     until_margin,
 )
 from rungwise.simulation.planar.state.lasting import DATINGS, REACHED, clear_times, lasts, set_ways
-from rungwise.simulation.planar.state.laws import tell_static
+from rungwise.simulation.planar.state.laws import tell_laws
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
 from rungwise.simulation.planar.state.passing import thinnest
@@ -124,8 +124,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
         clock.lifts |= records.contacts[c].lifts
         clock.laws |= records.contacts[c].laws
-    if state.static.shape[1] > 0:
-        tell_static(records, state)
+    if state.laws.shape[1] > 0:
+        tell_laws(records, state)
     place(records, state.q, state.placed, True)
     find_seams(records, state.placed, workspace.seams)
     clock.smallest = math.inf

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene
 from rungwise.scene.fields.fields import Drive, Joint
-from rungwise.scene.template.records import ADHERES, FADES, STICKS
+from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS
 from rungwise.system.planar.place import turns
 from rungwise.world.description import common, heading, stated
 from rungwise.world.planar.variant import ADHERING, FADING, STICKING, named
@@ -54,7 +54,7 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
     contacts: list[dict[str, Any]] = [
         {"between": list(pair)}
         | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
-        | named(record, STICKS | FADES | ADHERES)
+        | named(record, STICKS | FADES | ADHERES | POISSON)
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
     joints: dict[str, Any] = {}
@@ -126,6 +126,7 @@ def described(report: Mapping[str, Any]) -> str:
             + "".join(
                 f", {x.replace('_', ' ')} {c[x]:.6g}" for x in (*STICKING, *FADING, *ADHERING) if x in c
             )
+            + (", impacts by Poisson's law" if "impact" in c else "")
         )
     lines += stated(report, 12)
     return "\n".join(lines)

@@ -9,7 +9,7 @@ from typing import Any
 from rungwise.deadline import NEVER, Deadline
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
-from rungwise.scene.template.records import ADHERES, FADES, STICKS, Records
+from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS, Records
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
@@ -40,7 +40,7 @@ def matched(
             notes.append(f"{label}: {same.told(give['stiffness'], mass)}")
         extra[BOUNCE.format(k)] = bounce
         ratios.append(ratio)
-        laws = named(record, STICKS | FADES | ADHERES)
+        laws = named(record, STICKS | FADES | ADHERES | POISSON)
         contacts.append(_contact(pair, float(record["friction"]), k, give) | laws)
     bodies, turning, told = _turning(scene, records)
     file: dict[str, Any] = json.loads(scene.file.model_dump_json(exclude_unset=True))

@@ -12,7 +12,7 @@ from rungwise.kernel import Ints
 from rungwise.scene import Scene, load
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
-from rungwise.scene.template.records import ADHERES, FADES, STICKS, Records
+from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS, Records
 from rungwise.world.ingredients import CONDITIONS, RESTITUTION, Variant
 
 GIVE = (
@@ -54,7 +54,8 @@ class PlanarVariant(Variant):
                 return model.inertia
             case "restitution":
                 bounces = model.inertia > 0.0 and not model.compliant and contacts["restitution"].any()
-                return _told(contacts, ("restitution", *FADING)) if bounces else 0.0
+                poisson = (contacts["laws"] & POISSON).tolist()
+                return [poisson, *_told(contacts, ("restitution", *FADING))] if bounces else 0.0
             case "accuracy":
                 return self.tol
         return self._others()
@@ -78,7 +79,7 @@ class PlanarVariant(Variant):
                 "between": list(pair), "friction": float(slips[k]["friction"]),
                 "restitution": float(bounces[k]),
                 **{name: float(gives[name][k]) for name in GIVE},
-                **named(slips[k], STICKS), **named(rebounds[k], FADES), **named(own[k], ADHERES),
+                **named(slips[k], STICKS), **named(rebounds[k], FADES | POISSON), **named(own[k], ADHERES),
             }
             for k, pair in enumerate(self.scene.template.contacts)
         ]  # fmt: skip
@@ -109,11 +110,13 @@ class PlanarVariant(Variant):
         ]
 
 
-def named(contact: Any, laws: int) -> dict[str, float]:
+def named(contact: Any, laws: int) -> dict[str, Any]:
     """The fields of these laws that a contact's record has beside the common ones."""
     fields = {STICKS: STICKING, FADES: FADING, ADHERES: ADHERING}
     own = [name for law, names in fields.items() if contact["laws"] & laws & law for name in names]
-    return {name: float(contact[name]) for name in own}
+    return {name: float(contact[name]) for name in own} | (
+        {"impact": "poisson"} if contact["laws"] & laws & POISSON else {}
+    )
 
 
 def _told(contacts: Any, fields: tuple[str, ...]) -> list[list[float]]:

@@ -8,14 +8,15 @@ Interface Sci. 53 (1975) 314-326 (the pull beside the elastic force); Maugis, ib
 Restitution that falls with speed: e at approaches up to the speed at which the material yields, and e times
 the ratio of the two speeds to the power -1/4 above. Source: Johnson, Contact Mechanics (1985), section 11.5.
 
-Static friction: see `simulation.core.sticking`.
+Static friction: see `simulation.core.sticking`; Poisson's restitution: see `simulation.core.impacts`.
 """
 
 from __future__ import annotations
 
 from rungwise.kernel import rare_kernel
 from rungwise.models.assemble import approach
-from rungwise.scene.template.records import ADHERES, FADES, Records
+from rungwise.scene.template.records import ADHERES, FADES, POISSON, Records
+from rungwise.simulation.core.state import IMPULSIVE, KINETIC, STATIC
 from rungwise.simulation.planar.state.workspace import Scratch, State
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.near import near_pairs, pair_at
@@ -27,12 +28,14 @@ FALL = -0.25
 
 
 @rare_kernel
-def tell_static(records: Records, state: State) -> None:
-    """Friction of what sticks and of what slides, for the slots of each pair."""
+def tell_laws(records: Records, state: State) -> None:
+    """Friction of what sticks and of what slides, and whether impacts have two phases, for the slots of each
+    pair."""
     for p in range(records.pairs.shape[0]):
         contact = records.contacts[records.pairs[p].contact]
         for slot in range(2 * p, 2 * p + 2):
-            state.static[0, slot], state.static[1, slot] = contact.static_friction, contact.friction
+            state.laws[STATIC, slot], state.laws[KINETIC, slot] = contact.static_friction, contact.friction
+            state.laws[IMPULSIVE, slot] = 1.0 if contact.laws & POISSON else 0.0
 
 
 @rare_kernel

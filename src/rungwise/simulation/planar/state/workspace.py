@@ -12,7 +12,7 @@ from rungwise.block import Block
 from rungwise.contact.step import STICK, ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.scene.language.expression import SLOTS, STACK
-from rungwise.scene.template.records import STICKS, Records
+from rungwise.scene.template.records import POISSON, STICKS, Records
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
 from rungwise.system.entries import CROWDED
@@ -291,7 +291,9 @@ def allocate(
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
     limited, d, crowded = 2 * n + 3 * len(records.measures), 2, n >= CROWDED
     rows = min(slots, most_contacts(records)) if crowded else slots
-    at, inputs = len(template.parameters) + 1, len(template.inputs)
+    at, inputs, named = len(template.parameters) + 1, len(template.inputs), records.contacts["laws"]
+    impacts = rows if (named & POISSON).any() else 0
+    limited += impacts
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
     fields: Fields = {  # in the order of `in_memory`
@@ -316,7 +318,7 @@ def allocate(
         v=values[at + n : at + 2 * n],
         **core.state_arrays(n, slots, d)
         | {name: carried[name] for name in ("deformation", "modes", "force")}
-        | {"static": np.zeros((2, slots if (records.contacts["laws"] & STICKS).any() else 0))},
+        | {"laws": np.zeros((3, slots if (named & (STICKS | POISSON)).any() else 0))},
         memory=memory,
         values=values,
         q=values[at : at + n],
@@ -341,7 +343,8 @@ def allocate(
     )
     scratch = Scratch(
         **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
-        | {name: carried[name] for name in ("limited_mode", "limited_force")},
+        | {name: carried[name] for name in ("limited_mode", "limited_force")}
+        | {"impact": np.zeros((4, impacts))},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
         probe=np.zeros((2, 5)),
