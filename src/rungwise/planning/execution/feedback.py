@@ -6,13 +6,14 @@ the ends of moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
+from rungwise.planning.execution.legs import Legs, inputs_of, run_pieces
 from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Predictor, Stage
 from rungwise.planning.plan import Plan
 from rungwise.planning.search.layout import Course, is_by_modes, lay_out
@@ -33,69 +34,27 @@ ROUNDS = 12
 """Rounds of a tree that is grown anew."""
 
 
-class Replanner:
-    """Executes a plan in worlds with other parameters, re-planning at the ends of moves."""
+class Moves:
+    """The moves (k, d) of a plan that are left in one execution; before: inputs (u,) at its beginning."""
 
-    def __init__(
-        self, plan: Plan, stage: Stage, tol: float, threads: int | None = None, time: Budget | None = None
-    ) -> None:
-        self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
-        self._task = task_of(plan.scene, plan.parameters)
-        self._time = Budget() if time is None else time
-        self._work = begin(self._task, self._time.within(None), 0, threads)
-        self._nominal = self._work.predictor(Stage(stage.model, COARSE))
-        self._steps = world_of(plan.scene).replanning_steps
+    def __init__(self, plan: Plan, nominal: Predictor) -> None:
+        self.before = task_of(plan.scene, plan.parameters).before
+        self._left, self._nominal = plan.moves, nominal
 
-    @property
-    def _moves(self) -> Reals:
-        """The plan's moves (k, d), as trees and shooting know them; none of a plan by contact modes."""
-        return self._plan.moves[:0] if is_by_modes(self._plan.labels) else self._plan.moves
-
-    def execute(
-        self, parameters: dict[str, float], errors: dict[str, float], seed: int
-    ) -> tuple[Code, tuple[Segment, ...]]:
-        """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
-        TimeOver."""
-        work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
-        world = Predictor(
-            self._plan.scene, self._stage, self._tol, parameters, self._time.within(None), self._threads,
-            quick=False, span=self._task.span,
-        )  # fmt: skip
-        start = State.of(self._plan.scene, parameters=parameters)
-        now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
-        outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._moves, self._task.before
-        for look in range(LOOKS * self._task.moves[1]):
-            self._time.look()
-            budget = self._nominal.budget = self._time.within(self._steps)
-            here = replace(work, start=self._read(now, levels), budget=budget, seed=seed + look)
-            course, rest = self._next(here, rest, levels)
-            if course is None:
-                self._time.look()  # none may have been found because the time is over
-                break
-            segments = self._disturbed(course.segments, errors)
-            outcome, now = _run(world, now, segments)
-            executed += segments
-            levels = course.levels
-            if outcome not in GOES_ON:
-                break
-        return outcome, tuple(executed)
-
-    def _read(self, now: Places, levels: Reals) -> Places:
-        """The state of the world as the planner takes it over: it knows places and speeds, and where bodies
-        touch, deformations, but not the world's parameters."""
-        if not len(now.memory):
-            return Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
-        return self._nominal.taken_over(now, self._plan.scene, levels)
-
-    def _next(self, work: Work, rest: Reals, levels: Reals) -> tuple[Course | None, Reals]:
-        """The next move, laid out, and the moves (k, d) after it; None where there is none."""
-        for vectors in self._plans(work, rest, levels):
+    def next(self, work: Work, levels: Reals) -> Course | None:
+        """The next move, laid out; None where there is none."""
+        for vectors in self._plans(work, self._left, levels):
             course = lay_out(
                 work.moves, work.transit, self._nominal, work.start, vectors[:1], work.seed, levels, True
             )
             if course.segments and not course.blocked and (course.reached or course.outcome in GOES_ON):
-                return course, vectors[1:]
-        return None, rest
+                self._left = vectors[1:]
+                return course
+        return None
+
+    def went(self, places: Sequence[Reals]) -> int:
+        """After how many of these ends of segments the rest is planned anew: after a whole move."""
+        return len(places)
 
     def _plans(self, work: Work, rest: Reals, levels: Reals) -> Iterator[Reals]:
         """Plans (k, d) from where the world is, as they are found: the rest of the plan if it comes to the
@@ -127,6 +86,67 @@ class Replanner:
             if len(vectors):
                 yield vectors
 
+
+class Replanner:
+    """Executes a plan in worlds with other parameters, re-planning at the ends of moves."""
+
+    def __init__(
+        self, plan: Plan, stage: Stage, tol: float, threads: int | None = None, time: Budget | None = None
+    ) -> None:
+        self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
+        self._task = task_of(plan.scene, plan.parameters)
+        self._time = Budget() if time is None else time
+        self._work = begin(self._task, self._time.within(None), 0, threads)
+        accuracy = stage.tol if is_by_modes(plan.labels) else COARSE
+        self._nominal = self._work.predictor(Stage(stage.model, accuracy))
+        self._steps = world_of(plan.scene).replanning_steps
+
+    def _rest(self) -> Moves | Legs:
+        """All that is to be executed."""
+        if is_by_modes(self._plan.labels):
+            return Legs(self._plan, self._nominal, self._work.start)
+        return Moves(self._plan, self._nominal)
+
+    def execute(
+        self, parameters: dict[str, float], errors: dict[str, float], seed: int
+    ) -> tuple[Code, tuple[Segment, ...]]:
+        """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
+        TimeOver."""
+        work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
+        world = Predictor(
+            self._plan.scene, self._stage, self._tol, parameters, self._time.within(None), self._threads,
+            quick=False, span=self._task.span,
+        )  # fmt: skip
+        start = State.of(self._plan.scene, parameters=parameters)
+        now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
+        rest = self._rest()
+        outcome, executed, levels = Code.MISSED, list[Segment](), rest.before
+        for look in range(LOOKS * self._task.moves[1]):
+            self._time.look()
+            budget = self._nominal.budget = self._time.within(self._steps)
+            here = replace(work, start=self._read(now, levels), budget=budget, seed=seed + look)
+            course = rest.next(here, levels)
+            if course is None:
+                self._time.look()  # none may have been found because the time is over
+                break
+            segments = self._disturbed(course.segments, errors)
+            outcome, ends, now = run_pieces(world, now, segments)
+            count = rest.went([place.q[0] for place in ends])
+            if count < len(ends):
+                outcome, now, segments = Code.MISSED, ends[count - 1], segments[:count]
+            executed += segments
+            levels = course.levels if count == len(ends) else inputs_of(course.segments[:count])[-1]
+            if outcome not in GOES_ON:
+                break
+        return outcome, tuple(executed)
+
+    def _read(self, now: Places, levels: Reals) -> Places:
+        """The state of the world as the planner takes it over: it knows places and speeds, and where bodies
+        touch, deformations, but not the world's parameters."""
+        if not len(now.memory):
+            return Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
+        return self._nominal.taken_over(now, self._plan.scene, levels)
+
     def _disturbed(self, segments: tuple[Segment, ...], errors: dict[str, float]) -> list[Segment]:
         """The segments with errors added to their inputs, within the ranges of the parameters."""
         found = []
@@ -137,10 +157,3 @@ class Replanner:
                 values[name] = float(np.clip(value + errors.get(name, 0.0), low, high))
             found.append(replace(segment, inputs=values))
         return found
-
-
-def _run(world: Predictor, now: Places, segments: list[Segment]) -> tuple[Code, Places]:
-    levels = np.array([[list(segment.inputs.values()) for segment in segments]])
-    durations = np.array([[segment.duration for segment in segments]])
-    ends = world.run(now, levels, durations, ramps=tuple(segment.ramp for segment in segments))
-    return Code(int(ends.outcome[0])), ends.places

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,19 +12,16 @@ from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.planning.modes.execute import Manner
 from rungwise.planning.modes.planner import anew_on, mode_planner
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor, Stage
-from rungwise.planning.search.layout import ENDS, WAIT, Course, is_by_modes
+from rungwise.planning.search.layout import Course, counts_of, is_by_modes
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.search import Begun, lead_on
 from rungwise.planning.search.shooting import Search, shoot
 from rungwise.simulation.inputs import Segment
 
 HELD = "held"
-AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
-"""How legs are made again: with which part of the load fingers press at least, and how much slower."""
 SLOWER = (2.0, 4.0, 8.0)
 """How many times as slowly a schedule of servos' targets is run that fails as it is."""
 CONTINUED = (0.01, 0.1, 0.4, 1.0)
@@ -59,13 +55,7 @@ class Before:
     @property
     def counts(self) -> tuple[int, ...]:
         """How many segments belong to each move."""
-        begins = [
-            k + 1
-            for k, (label, following) in enumerate(pairwise(self.labels))
-            if label in (*ENDS, WAIT) and following != WAIT
-        ]
-        ends = [0, *begins, len(self.labels)]
-        return tuple(b - a for a, b in pairwise(ends))
+        return counts_of(self.labels)
 
 
 class Repair(NamedTuple):
@@ -126,13 +116,9 @@ def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | Non
     if planner is None:
         return None
     try:
-        for manner in AGAIN:
-            found = planner.again(before.vectors, manner) if work.budget.left else None
-            if found is not None:
-                return found
+        return planner.led_again(before.vectors)
     except TimeOver:
-        pass  # what is left of the time may still do for another repair
-    return None
+        return None  # what is left of the time may still do for another repair
 
 
 def _within_the_reserve(work: Work, predictor: Predictor, before: Before) -> Found | None:

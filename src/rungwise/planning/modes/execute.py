@@ -117,10 +117,25 @@ class Scene:
         """The name of the object that is to come to the goal."""
         return str(self.work.task.scene.template.bodies[ground.last])
 
-    def root(self) -> Node:
-        """Where planning starts."""
+    def root(self, levels: Reals | None = None) -> Node:
+        """Where planning starts, after inputs (u,), those of the instance if none are given."""
         work = self.work
-        return Node(work.start, work.task.before, work.start.q[0].copy(), float(work.lack(work.start)[0]))
+        q = work.start.q[0]
+        aims = q.copy() if levels is None else self._aims(q, levels)
+        before = work.task.before if levels is None else levels
+        return Node(work.start, before, aims, float(work.lack(work.start)[0]))
+
+    def ground(self, vector: Reals) -> Ground:
+        """The object of the leg of these numbers (d,)."""
+        return self._all[int(vector[0])]
+
+    def going_on(self, vector: Reals) -> Reals:
+        """The leg of these numbers (d,) after fingers have changed their places."""
+        found, width, k = vector.copy(), 0, 2 + self._wide
+        for finger in self.fingers:
+            found[k + width] = 0.0
+            width += 3 + len(finger.carrier.columns)
+        return found
 
     def vector(self, ground: Ground, leg: Leg, manner: Manner) -> Reals:
         """A leg as numbers (d,): the object, by its number among those that are led, and where it is led,
@@ -140,7 +155,7 @@ class Scene:
     ) -> Begun | None:  # fmt: skip
         """The leg of these numbers (d,), made again from a place (n,); None where that cannot be. `look` is
         called with the steps that it takes, and may raise."""
-        ground = self._all[int(vector[0])]
+        ground = self.ground(vector)
         seen, k = ground.look(q), 2 + self._wide
         target, begun = q.copy(), q.copy()
         target[ground.columns] = vector[2 : 2 + len(ground.columns)]
@@ -197,7 +212,8 @@ class Scene:
             places, outcome = ends.at(count - 1, np.zeros(1, np.int64)), Code.MISSED
         own = _segments(self.work, laid, count)
         labels = (*laid.labels[: count - 1], HOLD)
-        levels, aims = laid.levels[count - 1], self._aims(laid, count)
+        levels = laid.levels[count - 1]
+        aims = self._aims(laid.aims, levels)
         if outcome != Code.GOAL and work.task.moving(places.v)[0]:
             waited = self._waited(predictor, places, levels)
             if waited is not None:
@@ -247,15 +263,14 @@ class Scene:
             return None
         return ends, float(ends.places.time[0] - places.time[0])
 
-    def _aims(self, laid: Layout, count: int) -> Reals:
-        """Aims (n,) of servos after so many segments."""
-        aims = laid.aims.copy()
+    def _aims(self, aims: Reals, levels: Reals) -> Reals:
+        """Aims (n,) after inputs (u,): those of servos, else these."""
+        found = aims.copy()
         for finger in self.fingers:
             carrier = finger.carrier
             if carrier.by_place:
-                own = laid.levels[count - 1][list(carrier.columns)]
-                aims = finger.put(aims, carrier.matrix @ own + carrier.zero)
-        return aims
+                found = finger.put(found, carrier.matrix @ levels[list(carrier.columns)] + carrier.zero)
+        return found
 
 
 def aims_at(scene: Scene, node: Node) -> Reals:

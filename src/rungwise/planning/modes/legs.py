@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -262,3 +263,8 @@ def _turns(rows: Reals, off: float) -> list[int]:
 def _is_straight(rows: Reals, off: float) -> bool:
     parts = np.linspace(0.0, 1.0, len(rows))[:, None]
     return bool(np.abs(rows - (rows[0] + parts * (rows[-1] - rows[0]))).max() <= off)
+
+
+def is_placed(labels: Sequence[str]) -> bool:
+    """Whether fingers that change their places have come to them, after segments with these labels."""
+    return not {TOUCH, FOLLOW, HOLD}.isdisjoint(labels)

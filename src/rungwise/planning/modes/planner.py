@@ -31,6 +31,8 @@ ROUNDS, ALONG = (40, 80, 160), 4
 """Rounds of trees, in turn; and at least, for each place of a course that is left."""
 DRIFTED = 0.15
 """How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
+AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
+"""How legs are made again: with which part of the load fingers press at least, and how much slower."""
 ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
 objects, and a turn by modes where they do not."""
@@ -112,10 +114,11 @@ class ModePlanner:
 
     predictor: Predictor
 
-    def __init__(self, work: Work) -> None:
+    def __init__(self, work: Work, levels: Reals | None = None) -> None:
+        """Begin where the work starts, after inputs (u,), those of the instance if none are given."""
         self._asked, self.work = work, work.named
         self.scene = Scene(self.work)
-        self.nodes = [self.scene.root()]
+        self.nodes = [self.scene.root(levels)]
         self.turn = 0
         self._places = _goals(work)
         self._courses: dict[int, list[Reals]] = {}
@@ -133,7 +136,17 @@ class ModePlanner:
                 return found
         return None
 
-    def again(self, vectors: Reals, manner: Manner) -> Found | None:
+    def led_again(self, vectors: Reals, failed: int = 0) -> Found | None:
+        """The legs of a plan (k, d), each made again from where the object is; harder and more slowly where
+        they fail, at once where they failed so often before. Raises TimeOver."""
+        first = min(failed, len(AGAIN) - 1)
+        for manner in AGAIN[first:] + AGAIN[:first]:
+            found = self._again(vectors, manner) if self.work.budget.left else None
+            if found is not None:
+                return found
+        return None
+
+    def _again(self, vectors: Reals, manner: Manner) -> Found | None:
         """The legs of a plan (k, d), each made again from where the object is."""
         node = self.nodes[0]
         for vector in vectors:

@@ -33,6 +33,16 @@ def is_by_modes(labels: Sequence[str]) -> bool:
     return TOUCH in labels or FOLLOW in labels
 
 
+def counts_of(labels: Sequence[str]) -> tuple[int, ...]:
+    """How many of the segments with these labels belong to each move."""
+    begins = [
+        k + 1
+        for k, (label, following) in enumerate(pairwise(labels))
+        if label in (*ENDS, WAIT) and following != WAIT
+    ]
+    return tuple(b - a for a, b in pairwise([0, *begins, len(labels)]))
+
+
 @dataclass(frozen=True)
 class Course:
     """A plan laid out on a stage: segments with labels, how many belong to each move, places at the ends of

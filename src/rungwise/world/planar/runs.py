@@ -23,6 +23,7 @@ from rungwise.simulation.state import Memory, State, StateError, digest
 from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
+from rungwise.world.planar.surroundings import PlanarSurroundings
 from rungwise.world.run import finished
 
 LONGEST, SHORT = 1000, 1e-1
@@ -151,22 +152,27 @@ class PlanarRuns:
         ended = Code(found.outcome[0])
         return found.places, Code.RUNNING if ended in (Code.MISSED, Code.TIMEOUT) else ended
 
-    def taken_over(self, place: Places, scene: Scene, _levels: Reals) -> Places:
-        """See `Runs.taken_over`: contacts are kept where bodies overlap; inputs begin as at these
-        parameters."""
-        by_hand = Places.by_hand(place.q.copy(), place.v.copy())
-        if not PlanarPlace(self.scene, self.parameters).geometry(place.q)[1][0]:
-            return by_hand
-        memory = Memory(place.memory[0], digest(scene), self.model, 1.0, ())
-        state = State(scene.template.coordinates, place.q[0], place.v[0], float(place.time[0]), memory)
-        begun = Simulation(
-            self.scene, self.model, parameters=self.parameters, state=state, frames=3,
-            duration=state.time + self._span(self.parameters),
-        )  # fmt: skip
-        if begun.workspace is None or begun.reason:
-            return by_hand
-        own = begun.workspace.state.memory[None].copy()
-        return Places(by_hand.q, by_hand.v, place.time, own, np.ones(1, bool))
+    def taken_over(self, place: Places, _scene: Scene, levels: Reals) -> Places:
+        """See `Runs.taken_over`: contacts are kept where bodies overlap, or where inputs are others than at
+        the beginning; bodies that overlap by more than they may at these parameters are moved apart."""
+        given = self.parameters | dict(zip(self.scene.template.inputs, levels.tolist(), strict=True))
+        here = PlanarPlace(self.scene, self.parameters)
+        if not here.geometry(place.q)[1][0] and given == self.parameters:
+            return Places.by_hand(place.q.copy(), place.v.copy())
+        memory = Memory(place.memory[0], digest(self.scene), self.model, 1.0, ())
+        for q, kept in (
+            (place.q[0], memory),
+            (PlanarSurroundings(self.scene, given).apart(place.q[0]), None),
+        ):
+            state = State(self.scene.template.coordinates, q, place.v[0], float(place.time[0]), kept)
+            begun = Simulation(
+                self.scene, self.model, parameters=given, state=state, frames=3,
+                duration=state.time + self._span(given),
+            )  # fmt: skip
+            if begun.workspace is not None and not begun.reason:
+                own = begun.workspace.state.memory[None].copy()
+                return Places(q[None].copy(), place.v.copy(), place.time, own, np.ones(1, bool))
+        return Places.by_hand(place.q.copy(), place.v.copy())
 
     def _span(self, given: Mapping[str, float]) -> float:
         """How long a whole run lasts."""

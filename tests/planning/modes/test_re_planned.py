@@ -1,0 +1,101 @@
+"""Plans by contact modes, executed in worlds that are not quite as planned: legs are proposed anew."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import yaml
+
+import rungwise as rw
+from rungwise.deadline import Deadline
+from rungwise.planning.execution.feedback import Replanner
+from rungwise.planning.execution.legs import run_pieces
+from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.search.problem import begin
+from rungwise.planning.task.task import task_of
+from rungwise.scene.scene import LIBRARY
+from rungwise.world.planar.surroundings import PlanarSurroundings
+
+ERRORS = {"mu": 0.1, "mu_s": 0.15, "mass": 0.1, "inside": 0.15}
+"""Errors of parameters, at most, as parts of their values."""
+
+
+def uncertain(name: str) -> rw.Scene:
+    """A shipped scene with these errors."""
+    file = yaml.safe_load((LIBRARY / f"{name}.yaml").read_text("utf-8"))
+    file["task"]["uncertain"] = {
+        key: {"uniform": [f"{1.0 - part} * {key}", f"{1.0 + part} * {key}"]} for key, part in ERRORS.items()
+    }
+    return rw.load(file)
+
+
+@cache
+def planned(name: str) -> rw.Plan:
+    found = rw.plan(uncertain(name), seed=1)
+    assert found.found, found.reason
+    return found
+
+
+def drawn(plan: rw.Plan, number: int) -> dict[str, float]:
+    """The parameters of a world."""
+    rng = np.random.default_rng(number)
+    errors = {key: part * rng.uniform(-1.0, 1.0) for key, part in ERRORS.items()}
+    return plan.parameters | {key: (1.0 + error) * plan.parameters[key] for key, error in errors.items()}
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("name", ["card", "book"])
+def test_legs_are_proposed_anew_where_the_object_leaves_the_way(name: str, number: int) -> None:
+    """Worlds of other friction, mass and place come to the goal, and what was executed comes there again."""
+    plan = planned(name)
+    assert plan.stage is not None
+    world = drawn(plan, number)
+    outcome, executed = Replanner(plan, plan.stage, plan.tol).execute(world, {}, number)
+    assert outcome == rw.Code.GOAL
+    run = rw.simulate(plan.scene, plan.stage.model, parameters=world, inputs=list(executed), tol=plan.tol)
+    assert run.outcome == rw.Outcome.GOAL
+
+
+def test_a_plan_is_run_as_it_is_where_nothing_differs() -> None:
+    """No leg is proposed anew: the schedule is the plan's, in pieces."""
+    plan = planned("card")
+    assert plan.stage is not None
+    outcome, executed = Replanner(plan, plan.stage, plan.tol).execute(plan.parameters, {}, 0)
+    assert outcome == rw.Code.GOAL
+    assert sum(each.duration for each in executed) <= plan.duration * (1.0 + 1e-9)
+    ends = {tuple(each.inputs.values()) for each in executed}
+    gone = [tuple(each.inputs.values()) in ends for each in plan.segments]
+    assert all(gone[:-3])
+
+
+def test_re_planning_of_legs_ends_within_its_limit() -> None:
+    plan, deadline = planned("card"), Deadline(2.5)
+    found = rw.verify(plan, samples=1000, mode="re-planning", limit=0.5)
+    assert not deadline.is_over and "before the time was over" in found.unfinished
+
+
+def test_a_state_is_taken_over_with_its_inputs() -> None:
+    """A ramp from there begins at the inputs that the world had, not at those of the scene."""
+    task = task_of(rw.load("corner_pivot"))
+    work = begin(task, Budget(), 0, 1)
+    predictor = work.predictor(Stage(rw.DYNAMIC_COMPLIANT, 1e-3))
+    lead = rw.Segment({"x1": -0.15, "y1": 0.08}, 1.0, ramp=True)
+    _, _, now = run_pieces(predictor, work.start, [lead])
+    taken = predictor.taken_over(now, task.scene, np.array([-0.15, 0.08]))
+    _, _, after = run_pieces(predictor, taken, [rw.Segment(lead.inputs, 0.05, ramp=True)])
+    assert after.q[0, :2] == pytest.approx([-0.15, 0.08], abs=1e-3)
+
+
+@pytest.mark.parametrize("deep", [1e-6, 1e-4, 2e-3])
+def test_bodies_that_overlap_are_moved_apart(deep: float) -> None:
+    """By little more than they overlap; what touches nothing stays."""
+    scene = rw.load("corner_pivot")
+    around = PlanarSurroundings(scene, scene.parameters())
+    q = rw.State.of(scene).q.copy()
+    q[[3, 4]] += deep * np.array([1.0, -1.0])
+    apart = around.apart(q)
+    assert around.touches(apart, 0.0).least.min() >= 0.0
+    assert np.linalg.norm(apart - q) <= 1.5 * 2.0**0.5 * deep and (apart[:3] == q[:3]).all()
