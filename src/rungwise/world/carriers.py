@@ -4,7 +4,7 @@ what they and objects touch there."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -37,6 +37,8 @@ class Driven:
     columns (u,): the inputs that drive these. Their speeds, or with `by_place` the targets of their servos,
     are matrix (k, u) @ inputs + zero (k,), with u = k. stiffness, limit (k,): of the servos, in force per
     place and in force, infinite where speeds are given; reach: how far the body reaches from its centre.
+    In space `rates` (k,) are the columns of the joints' velocities, `slides` (k,) says which of these are no
+    hinges, and `travel` (2, k) is their range.
     A robot of joints in the plane has its `links` (k,), from the ground on, which then take the part of
     places in all of these, and `home` (3,): the pose of its centre of mass where all joints are at 0; its
     `places` are those of its body's x and y all the same.
@@ -53,6 +55,9 @@ class Driven:
     reach: float
     links: tuple[Link, ...]
     home: Reals
+    rates: tuple[int, ...] = ()
+    slides: tuple[bool, ...] = ()
+    travel: Reals = field(default_factory=lambda: np.zeros((2, 0)))
 
     def levels(self, speeds: Reals, places: Reals) -> Reals:
         """Inputs (m, u) that lead it at these speeds (m, k), or to these places (m, k)."""
@@ -77,10 +82,10 @@ class Driven:
 class Carrier(Driven):
     """A robot that is led through free space, with the lengths and the angle of its pushes."""
 
-    speed: float
-    clearance: float
-    push: tuple[float, float]
-    lean: float
+    speed: float = field(kw_only=True)
+    clearance: float = field(kw_only=True)
+    push: tuple[float, float] = field(kw_only=True)
+    lean: float = field(kw_only=True)
 
 
 def pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:
@@ -110,8 +115,9 @@ class Touches(NamedTuple):
     """What is nearer than asked at one place, and what acts there: pairs (k,) of the scene's contacts;
     features (k,), numbers that stay while the same parts of shapes are nearest; gaps (k,); points and normals
     (k, d), from the second body to the first; rows (k, d, n_v): rates of the gap, then of slip, per unit of
-    each velocity; friction (k,); the least gaps (c,) of all pairs; poses (b, 3) of the bodies: centre of mass
-    and angle; weight and given forces (n_v,); and friction of supports."""
+    each velocity; friction (k,); the least gaps (c,) of all pairs, of those that are farther at least what
+    was asked; poses (b, 3) of the bodies in the plane: centre of mass and angle, in space (b, 7): origin and
+    quaternion; weight and given forces (n_v,); and friction of supports."""
 
     pairs: Ints
     features: Ints
@@ -126,8 +132,43 @@ class Touches(NamedTuple):
     supports: Surfaces
 
 
+class Near(NamedTuple):
+    """The nearest points of two bodies, however far: their gap; the point (d,) of the scene's first body;
+    the normal (d,), from the second to the first, and what is across it (d - 1, d); rows (d, n_v): rates of
+    the gap, and of the first body over the second along these; and friction."""
+
+    gap: float
+    point: Reals
+    normal: Reals
+    across: Reals
+    rows: Reals
+    friction: float
+
+
+def frame_of(pose: Reals) -> tuple[Reals, Reals]:
+    """Centre (d,) and turn (d, d) of a pose: of x, y and angle in the plane, of a place and a quaternion in
+    space."""
+    if len(pose) == 3:
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return pose[:2], np.array([[c, -s], [s, c]])
+    return pose[:3], turn_of(pose[3:])
+
+
+def turn_of(quaternion: Reals) -> Reals:
+    """The rotation (3, 3) of a unit quaternion (4,)."""
+    w, x, y, z = (quaternion / np.linalg.norm(quaternion)).tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )  # fmt: skip
+
+
 class Outline(Protocol):
-    """The outline of a body in the frame of its centre of mass, by parts 0..1 of its length."""
+    """The outline of a body in the frame of its centre of mass, by parts 0..1 of its length; in space its
+    surface, in the frame of its pose, by parts 0..1 of places drawn on it."""
 
     def __call__(self, part: Reals) -> tuple[Reals, Reals]:
         """Points (m, d) and outward normals (m, d) at parts (m,)."""
@@ -138,23 +179,43 @@ class Outline(Protocol):
 
 class Surroundings(Protocol):
     """What touches what in a scene at one set of parameters, and the forces that act there. stiffness, limit
-    (n_v,): of the servos of coordinates, 0 and infinite where there are none; owners (n_v,): the body of each
-    coordinate."""
+    (n_v,): of the servos of coordinates, 0 and infinite where there are none; owners (n_v,), placed (n_q,):
+    the body of each velocity, and of each coordinate; dimension: 2 or 3."""
 
+    dimension: int
     stiffness: Reals
     limit: Reals
 
     @property
     def owners(self) -> Ints: ...
 
+    @property
+    def placed(self) -> Ints: ...
+
     def touches(self, q: Reals, within: float) -> Touches:
         """What is nearer than `within` at a place (n_q,)."""
+
+    def near(self, q: Reals, pair: int) -> Near:
+        """The nearest points of a pair of the scene's contacts at a place (n_q,)."""
+
+    def least(self, q: Reals, pairs: Ints) -> Reals:
+        """The gaps (p,) of some of the scene's contacts (p,) at a place (n_q,)."""
+
+    def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
+        """Rows (m, d, n_v) as of `Touches`, of contacts at points (m, d) of a body, in the frame of its pose,
+        with what stands still, along normals (m, d), in the world, that go into it."""
+
+    def changed(self, q: Reals, change: Reals) -> Reals:
+        """The place (n_q,) after a change (n_v,)."""
+
+    def change(self, q: Reals, to: Reals) -> Reals:
+        """The change (n_v,) that leads from a place (n_q,) to another."""
 
     def loads(self, q: Reals) -> Reals:
         """Weight and given forces (n_v,) at a place (n_q,)."""
 
     def poses(self, q: Reals) -> Reals:
-        """Poses (b, 3) of the bodies at a place (n_q,): centre of mass and angle."""
+        """Poses (b, 3) of the bodies at a place (n_q,), in space (b, 7) (see `Touches`)."""
 
     def outline(self, body: int) -> Outline:
         """The outline of a body, by its number. Raises ValueError for one without."""

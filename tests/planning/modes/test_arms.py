@@ -112,7 +112,7 @@ def test_an_arm_is_placed_on_an_outline_where_it_reaches() -> None:
     assert sum(each < 2e-3 for each in off) >= 4
     for _, seen in found:
         assert abs(seen.touches.gaps[seen.held[0]]) < ground.closed
-        assert ground.fingers[0].reaches(seen.q)
+        assert ground.fingers[0].reaches(seen.q, ground.around)
 
 
 def test_ways_of_an_arm_go_around_a_box() -> None:

@@ -27,6 +27,7 @@ from rungwise.planning.modes.forces.cones import (
     presses,
     see,
 )  # fmt: skip
+from rungwise.planning.modes.forces.drag import stands, support_by_contacts
 from rungwise.planning.modes.forces.motions import (
     GAIN,
     KEPT,
@@ -69,14 +70,28 @@ def modes(ground: Ground, seen: Seen, want: Reals) -> list[tuple[tuple[int, ...]
 
 def is_led(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...]) -> bool:
     """Whether fingers (f,) and kept contacts leave the object no other motion."""
-    kinds, touches = np.array(mode, int), seen.touches
-    held, kept = grips(ground, seen, used)[0].contacts, seen.closed[kinds != PART]
-    normals, tangents = (
-        touches.rows[[*kept, *held], 0],
-        touches.rows[[*seen.closed[kinds == STICK], *held], 1],
-    )
+    return is_led_by(ground, seen, grips(ground, seen, used)[0], np.array(mode, np.int64))
+
+
+def is_led_by(ground: Ground, seen: Seen, grip: Grip, kinds: Ints) -> bool:
+    """See `is_led`, of fingers that hold the object so."""
+    touches, held, kept = seen.touches, grip.contacts, seen.closed[kinds != PART]
+    normals = touches.rows[[*kept, *held], 0]
+    tangents = touches.rows[[*seen.closed[kinds == STICK], *held], 1:].reshape(-1, normals.shape[1])
     rows = np.vstack([normals, tangents])[:, ground.columns] / ground.units
     return int(np.linalg.matrix_rank(rows, tol=LED)) == len(ground.columns)
+
+
+def drags(ground: Ground, seen: Seen, mode: tuple[int, ...]) -> bool:
+    """Whether the object rests on contacts that slide in a mode, so that their friction tells its motion
+    where fingers leave it several."""
+    return _dragged(ground, seen, np.array(mode, np.int64), _seen(ground, seen)) is not None
+
+
+def _dragged(ground: Ground, seen: Seen, mode: Ints, memory: Memory) -> tuple[Reals, float] | None:
+    """See `drags`: the support that contacts are; None in the plane, where fingers lead all motions."""
+    weight = seen.touches.loads[ground.columns] / ground.units
+    return support_by_contacts(mode, weight, memory) if len(ground.turns) else None
 
 
 def carried(ground: Ground, seen: Seen) -> tuple[Reals, float] | None:
@@ -111,6 +126,10 @@ def _held_motion(
     """See `motion`, of an object that is held so."""
     support, memory = carried(ground, seen), _seen(ground, seen)
     memory.flat[0] = ground.turning + 1 if held.flat else 0
+    if support is None and len(ground.turns) and not is_led_by(ground, seen, held, mode):
+        support = _dragged(ground, seen, mode, memory)
+        found = support and _on_support(ground, seen, held, mode, want, support, memory)
+        return found if found and _stands(ground, seen, mode, held, found, memory) else None
     if support is not None:
         return _on_support(ground, seen, held, mode, want, support, memory)
     change = np.empty(len(want))
@@ -118,6 +137,15 @@ def _held_motion(
         return None
     pushes = _balanced(ground, seen, held, mode, change, press, memory)
     return None if pushes is None else Motion(change / ground.units, pushes, held.led)
+
+
+def _stands(ground: Ground, seen: Seen, mode: Ints, held: Grip, found: Motion, memory: Memory) -> bool:
+    """Whether an object that fingers drag over contacts does not tip."""
+    count = len(memory.ring) * len(held.contacts)
+    wrench = memory.share[:count] @ memory.edges[:count]
+    again = _seen(ground, seen)
+    weight = seen.touches.loads[ground.columns] / ground.units
+    return stands(mode, found.change * ground.units, weight, wrench, again)
 
 
 def _opens(ground: Ground, seen: Seen, used: Ints, found: Motion) -> bool:
@@ -142,9 +170,12 @@ def could(
     memory = _seen(ground, seen)
     if not projected(kinds, want, hoped, memory) or hoped @ want < GAIN * float(want @ want):
         return None
+    weight = seen.touches.loads[ground.columns] / ground.units
+    borrowed = _dragged(ground, seen, kinds, memory) if support is None else None
+    slid = memory.edges[: contact_edges(kinds, hoped, 0.0, memory, 0)].copy()
+    memory = _seen(ground, seen)
     end = contact_edges(kinds, hoped, ground.fingers[0].reserve, memory, 0)
     others = memory.edges[:end].copy()
-    weight = seen.touches.loads[ground.columns] / ground.units
     scale = _scale(ground, weight)
 
     def makes(edges: Reals, pressing: bool) -> bool:
@@ -154,17 +185,23 @@ def could(
         memory.edges[:count], memory.edges[count : count + end] = edges, others
         if support is not None:
             return leans(count + end, kinds, want, memory)
-        least = np.full(count, 0.5 * press * scale if pressing else 0.0)
-        return balances(count + end, count // 2, weight, scale, least, memory)
+        least = np.full(count, press * scale / len(memory.ring) if pressing else 0.0)
+        if balances(count + end, count // len(memory.ring), weight, scale, least, memory):
+            return True
+        if borrowed is None:
+            return False
+        turn(borrowed[0], memory)
+        memory.edges[count : count + len(slid)] = slid
+        return leans(count + len(slid), kinds, want, memory)
 
     return makes
 
 
 def held_edges(ground: Ground, seen: Seen, used: Ints) -> Reals:
-    """Edges (2 f, k), over units, of the forces of fingers that hold the object (f,)."""
+    """Edges (s f, k), over units, of the forces of fingers that hold the object (f,)."""
     memory = _seen(ground, seen)
     count = _gripped(ground, seen, grips(ground, seen, used)[0], memory)
-    return memory.edges[: 2 * count].copy()
+    return memory.edges[: len(memory.ring) * count].copy()
 
 
 def rests(ground: Ground, seen: Seen, used: Ints, press: float = 0.0) -> Reals | None:
@@ -207,8 +244,9 @@ def _balanced(
     where nothing does."""
     weight = seen.touches.loads[ground.columns] / ground.units
     scale, count = _scale(ground, weight), _gripped(ground, seen, held, memory)
-    own = 0.5 * np.repeat([max(least * scale, ground.fingers[f].press[0]) for f in held.of], 2)
-    end = contact_edges(mode, change, ground.fingers[0].reserve, memory, 2 * count)
+    sides = len(memory.ring)
+    own = np.repeat([max(least * scale, ground.fingers[f].press[0]) for f in held.of], sides) / sides
+    end = contact_edges(mode, change, ground.fingers[0].reserve, memory, sides * count)
     if not balances(end, count, weight, scale, own, memory):
         return None
     center(end, count, scale, own, memory)

@@ -98,7 +98,7 @@ class Scene:
         self.placed = Question(task.search, placed, task.parameters)
         self._add_pushed(around)
         self._all = list(self.grounds.values())
-        self._wide = max(len(ground.columns) for ground in self._all)
+        self._wide = max(len(ground.places) for ground in self._all)
 
     def _add_pushed(self, around: Surroundings) -> None:
         """Objects of which the goal speaks, as pushed by others that fingers may touch."""
@@ -142,8 +142,8 @@ class Scene:
         how, and where the fingers are."""
         first, last = ground.look(leg.way.places[0]), leg.way.places[-1]
         number = next(k for k, own in enumerate(self._all) if own is ground)
-        found = [float(number), manner.press, *last[ground.columns]]
-        found += [0.0] * (self._wide - len(ground.columns))
+        found = [float(number), manner.press, *last[ground.places]]
+        found += [0.0] * (self._wide - len(ground.places))
         for f, finger in enumerate(self.fingers):
             used = bool(leg.way.used[f])
             part = ground.part(first, f)[0] if used and first.held[f] >= 0 else 0.0
@@ -158,7 +158,7 @@ class Scene:
         ground = self.ground(vector)
         seen, k = ground.look(q), 2 + self._wide
         target, begun = q.copy(), q.copy()
-        target[ground.columns] = vector[2 : 2 + len(ground.columns)]
+        target[ground.places] = vector[2 : 2 + len(ground.places)]
         changes, used = (np.zeros(len(self.fingers), np.int64) for _ in range(2))
         for f, finger in enumerate(self.fingers):
             width = 3 + len(finger.carrier.columns)
@@ -177,7 +177,7 @@ class Scene:
         start = ground.look(begun)
         if not ground.is_held(start, used) or not ground.is_free(start, used):
             return None
-        want = (target - begun)[ground.columns] * ground.units
+        want = ground.off(begun, target)
         best, left = None, NEARER * float(np.linalg.norm(want))
         for mode, _ in modes(ground, start, want)[:AGAIN]:
             way = follow(ground, start, used, mode, target, manner.press, look)
@@ -251,7 +251,7 @@ class Scene:
 
     def is_there(self, q: Reals) -> bool:
         """Whether all holds at a place (n,) that the goal says of places."""
-        return bool((self.placed.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0] == 0.0).all())
+        return bool((self.placed.ask(self.work.task.resting(q)).lacks[0] == 0.0).all())
 
     def _held(
         self, predictor: Predictor, places: Places, levels: Reals, duration: float
@@ -278,7 +278,7 @@ def aims_at(scene: Scene, node: Node) -> Reals:
     aims = node.aims.copy()
     for finger in scene.fingers:
         if not finger.carrier.by_place:
-            aims[finger.moved] = node.places.q[0, finger.moved]
+            aims[finger.places] = node.places.q[0, finger.places]
     return aims
 
 

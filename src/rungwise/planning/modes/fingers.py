@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals, kernel
-from rungwise.planning.modes.arms import Arm, arm_of
+from rungwise.planning.modes.joints.chains import Chain, chain_of
 from rungwise.planning.task.fingers import Finger as Stated
 from rungwise.planning.task.fingers import fingers_of as stated
 from rungwise.planning.task.task import Task
-from rungwise.world.carriers import Carrier
+from rungwise.world.carriers import Carrier, Surroundings, frame_of
 
 Flags: TypeAlias = NDArray[np.bool_]
+
 STRONGEST = 0.9
 """Part of the greatest force of a finger with which it presses at most."""
 
@@ -38,13 +39,23 @@ class Finger:
     press: tuple[float, float]
     reserve: float
     bounds: Reals
-    arm: Arm | None = None
+    arm: Chain | None = None
     lift: tuple[int, float] | None = None
 
     @property
     def moved(self) -> Ints:
-        """The columns (m,) of coordinates that its drives move."""
+        """The columns (m,) of velocities that its drives move."""
         return self.columns if self.arm is None else self.arm.columns
+
+    @property
+    def places(self) -> Ints:
+        """The columns (p,) of coordinates that its drives move."""
+        return self.columns if self.arm is None else self.arm.places
+
+    @property
+    def units(self) -> Reals:
+        """What its drives (k,) go in a step, over one another."""
+        return np.ones(len(self.columns)) if self.arm is None else self.arm.units
 
     def drives(self, q: Reals) -> Reals:
         """What its inputs drive (k,) at a place (n,): x and y, or joints."""
@@ -59,24 +70,34 @@ class Finger:
         return found
 
     def rates(self, q: Reals) -> Reals:
-        """Changes (m, k) of its coordinates per unit of what is driven."""
+        """Changes (m, k) of its velocities per unit of what is driven."""
         return np.eye(len(self.columns)) if self.arm is None else self.arm.rates(q)
 
-    def reaches(self, q: Reals) -> bool:
+    def reaches(self, q: Reals, around: Surroundings) -> bool:
         """Whether its inputs lead it to a place (n,)."""
         if self.arm is not None:
             joints, (low, high) = self.arm.joints(q), self.arm.bounds
             if (joints < low).any() or (joints > high).any():
                 return False
-        own = q[self.columns]
+        size = self.bounds.shape[1]
+        own = q[self.columns] if size == 2 else around.poses(q)[self.body, :size]
         return bool((own >= self.bounds[0]).all() and (own <= self.bounds[1]).all())
+
+    def way(self, around: Surroundings, a: Reals, b: Reals, size: float) -> float:
+        """How far it goes from one place (n,) to another, and turns, as if it reached so far (`size`)."""
+        if self.bounds.shape[1] == 2:
+            return float(np.linalg.norm((b - a)[self.columns]))
+        (start, turn), (end, turned) = (frame_of(around.poses(q)[self.body]) for q in (a, b))
+        gone, leaned = np.linalg.norm(end - start), np.linalg.norm(turned - turn)
+        return float(gone + 0.5**0.5 * size * leaned)
 
 
 def fingers_of(task: Task) -> tuple[Finger, ...]:
     """The fingers of a task: those that are led by their x and y, in the order of its carriers, and arms."""
     names, said = list(task.scene.template.bodies), {each.name: each for each in stated(task)}
-    found, arms = [], {each.name: arm_of(task, each.driven) for each in said.values() if each.is_arm}
-    led = [_arms_carrier(said[name]) for name, arm in arms.items() if arm is not None]
+    found, arms = [], {each.name: chain_of(task, each.driven) for each in said.values() if each.is_arm}
+    carried = {carrier.body for carrier in task.carriers}
+    led = [_arms_carrier(said[name]) for name, arm in arms.items() if arm is not None and name not in carried]
     for carrier in (*task.carriers, *led):
         own = said.get(carrier.body)
         if own is None:

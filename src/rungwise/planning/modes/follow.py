@@ -27,8 +27,8 @@ TARGET, STALLED, BALANCE, FINGER, OVERLAP, CONTACT, LENGTH = (
 
 
 class Way(NamedTuple):
-    """Places (k, n) of the object and its fingers, and what these press with there (k, n); the fingers that
-    touch (f,); and why it ends."""
+    """Places (k, n_q) of the object and its fingers, and what these press with there (k, n_v); the fingers
+    that touch (f,); and why it ends."""
 
     places: Reals
     pushes: Reals
@@ -71,11 +71,11 @@ def follow(
     """The way of the object in a mode of its closed contacts, towards where it is at `target` (n,). `look` is
     called with the steps that are made, and may raise."""
     size, seen = ground.task.size, begun
-    roles = _Roles([], [], np.zeros((0, 2)), []).then(seen, list(mode))
+    roles = _Roles([], [], np.zeros((0, ground.around.dimension)), []).then(seen, list(mode))
     places, pushes, why = [seen.q], list[Reals](), LENGTH
     for _ in range(LONGEST):
         look(1)
-        want = (target - seen.q)[ground.columns] * ground.units
+        want = ground.off(seen.q, target)
         if np.linalg.norm(want) < ARRIVED * size:
             why = TARGET
             break
@@ -83,7 +83,7 @@ def follow(
         if found is None:
             why = BALANCE
             break
-        length = float(np.linalg.norm(found.change * ground.task.weights[ground.columns]))
+        length = float(np.linalg.norm(found.change * ground.weights))
         if length < 0.02 * float(np.linalg.norm(want)) or length < 0.1 * ARRIVED * size:
             why = STALLED
             break
@@ -106,7 +106,7 @@ def follow(
         roles = roles.then(seen, [STICK if kind is None else kind for kind in own])
     if pushes:
         pushes.append(pushes[-1])
-    return Way(np.array(places), np.array(pushes).reshape(-1, len(begun.q)), used, why)
+    return Way(np.array(places), np.array(pushes).reshape(-1, len(ground.around.owners)), used, why)
 
 
 def _stopped(ground: Ground, seen: Seen, used: Ints) -> str:

@@ -58,7 +58,7 @@ def _of_objects(work: Work, goal: str) -> Reals:
 
     def lack(moved: Reals) -> float:
         place = placed(moved)
-        return float(question.ask(np.concatenate([place, np.zeros(len(q))])[None]).lacks.sum())
+        return float(question.ask(task.resting(place)).lacks.sum())
 
     rng, found = np.random.default_rng(work.seed), list[Reals]()
     for k in range(STARTS):

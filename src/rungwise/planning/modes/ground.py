@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -10,12 +9,23 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.arms import Arm
 from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sort_touches, touch
 from rungwise.planning.modes.forces.cones import Memory, memory_for, see
 from rungwise.planning.modes.forces.motions import turn
+from rungwise.planning.modes.frames import (
+    ROAMS,
+    TURN,
+    TURNS,
+    asks_turn,
+    drawn_in_space,
+    is_round,
+    marks_in_space,
+    wedge,
+    weights_of,
+)
+from rungwise.planning.modes.joints.reached import Reach, reached
 from rungwise.planning.task.task import Task
-from rungwise.world.carriers import Surroundings, Touches
+from rungwise.world.carriers import Surroundings, Touches, frame_of
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 
@@ -29,16 +39,11 @@ EXACT = 1e-3
 """Gap, in parts of those that count as closed, that is left after correction."""
 EDGE = 0.08
 """How near to a corner of the outline a finger may be, in parts of half the edge."""
-BEGUN = (0.25, 0.75, 0.5)
-"""Parts of the ranges of joints from which places of arms are sought; of every other joint, what is left."""
-REACHES, LEAP, DAMPED = 30, 0.3, 0.02
-"""Steps of damped least squares; the greatest change of a joint in one, in radians; damping, in parts of the
-size."""
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
-ROUND, SPINS = 1e-9, 0.1
-"""Part of the size by which the outline of a round object is off a circle; and what the angle of such a one
-weighs where the goal does not ask for it, over what it weighs else: it may roll as it likes."""
+SPINS = 0.1
+"""What the angle of a round object weighs where the goal does not ask for it, over what it weighs else: it
+may roll as it likes."""
 AROUND = 240
 """Places on the outline among which those that are opposite of others, or face alike, are sought."""
 ALIKE = 0.9
@@ -57,9 +62,10 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Ground:
-    """An object, by its number and its columns (k,) of coordinates with their units (k,) as lengths; its
-    fingers and its surroundings. Where it is to push another one, `last` is that one, else the same; the
-    columns of both follow each other, and `aims` (k,) are those of the last. pairs: the scene's contacts of
+    """An object, by its number and its columns (k,) of velocities with their units (k,) as lengths, and
+    (p,) of coordinates, `places`; its fingers and its surroundings. Where it is to push another one, `last`
+    is that one, else the same; the columns of both follow each other, and `aims` (k,) are those of the
+    last. pairs: the scene's contacts of
     the object with what is no finger, and surrounds (c,), which these are; beside (c,): those of them with
     other objects; own (f,): with each finger; avoided (a,): of fingers with all else."""
 
@@ -69,6 +75,7 @@ class Ground:
     body: int
     last: int
     columns: Ints
+    places: Ints
     aims: Flags
     units: Reals
     pairs: Ints
@@ -109,23 +116,29 @@ class Ground:
             all(roles[name] == OBJECT for name in contacts[k]) and set(contacts[k]) != within for k in pairs
         ]
         least = min(finger.carrier.clearance for finger in fingers)
-        units = task.weights[columns].copy()
+        places = np.concatenate([np.flatnonzero(around.placed == each) for each in both])
+        units = weights_of(task, columns)
         for each in both:
-            angle = f"{names[each]}.angle"
-            if angle not in (task.scene.file.goal or "") and _is_round(around, each, task.size):
-                units[[task.scene.template.coordinates[k] == angle for k in columns]] *= SPINS
+            turns = [f"{names[each]}.{turn}" for turn in TURNS]
+            if not asks_turn(task, names[each]) and is_round(around, each):
+                units[[world_of(task.scene).velocities[k] in turns for k in columns]] *= SPINS
         return cls(
-            task, around, fingers, body, last, columns, around.owners[columns] == last, units,
+            task, around, fingers, body, last, columns, places, around.owners[columns] == last, units,
             np.array(pairs, np.int64), surrounds,
             beside, np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
         )  # fmt: skip
 
     def look(self, q: Reals) -> Seen:
         """What touches at a place (n,)."""
-        touches = self.around.touches(q, 4.0 * self.closed)
+        touches = self.around.touches(q, max(4.0 * self.closed, self.apart))
         closed, held = np.empty(len(touches.gaps), np.int64), np.empty(len(self.fingers), np.int64)
         count = sort_touches(touches.gaps, touches.pairs, self.closed, self.surrounds, self.own, closed, held)
         return Seen(q, touches, closed[:count], held)
+
+    @property
+    def is_free_body(self) -> bool:
+        """Whether it is one body that nothing holds."""
+        return len(self.columns) == (3 if self.around.dimension == 2 else 6)
 
     @property
     def pushes(self) -> bool:
@@ -144,7 +157,41 @@ class Ground:
 
     def away(self, a: Reals, b: Reals) -> float:
         """How far the object is from one place (n,) to another."""
-        return float(np.linalg.norm((a - b)[self.columns] * self.units))
+        return float(np.linalg.norm(self.off(b, a)))
+
+    def off(self, q: Reals, to: Reals) -> Reals:
+        """The change (k,), over units, that leads the object from a place (n,) to another."""
+        return np.asarray(self.around.change(q, to)[self.columns] * self.units)
+
+    @property
+    def aimed(self) -> Ints:
+        """Columns (p,) of the coordinates of what is to come to the goal."""
+        return np.asarray(self.places[self.around.placed[self.places] == self.last])
+
+    @cached_property
+    def weights(self) -> Reals:
+        """What its columns (k,) weigh in lengths."""
+        return weights_of(self.task, self.columns)
+
+    @cached_property
+    def turns(self) -> Ints:
+        """The columns (r, 4) of its quaternions."""
+        return np.array([row for row in self.task.turns if row[0] in self.places], np.int64).reshape(-1, 4)
+
+    def marks(self, q: Reals) -> Reals:
+        """Numbers (m,) whose distances are those of places (n,) of what is to come to the goal, nearly."""
+        if not len(self.turns):
+            return np.asarray(q[self.places] * self.units * self.aims)
+        return marks_in_space(q, self.places, self.turns, float(self.units[-1]))
+
+    def drawn(self, home: Reals, rows: Reals, rng: np.random.Generator) -> Reals:
+        """A place (n,) with the object anywhere about where it is at others (m, n), and all else at home."""
+        found = home.copy()
+        if len(self.turns):
+            return drawn_in_space(found, rows, self, rng)
+        own, room = rows[:, self.places], np.where(self.units == 1.0, ROAMS * self.task.size, TURN)
+        found[self.places] = rng.uniform(own.min(axis=0) - room, own.max(axis=0) + room)
+        return found
 
     def is_free(self, seen: Seen, used: Ints) -> bool:
         """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
@@ -152,7 +199,9 @@ class Ground:
             seen.touches.least, self.pairs, self.avoided, self.own, used, self.closed, self.apart, seen.q,
             self.placing, self.reach,
         )  # fmt: skip
-        return bool(free) and all(finger.reaches(seen.q) for finger in self.fingers if finger.arm is not None)
+        return bool(free) and all(
+            finger.reaches(seen.q, self.around) for finger in self.fingers if finger.arm is not None
+        )
 
     def is_held(self, seen: Seen, used: Ints) -> bool:
         """Whether the fingers that are used (f,) touch the object, those that do so at one place away from
@@ -166,14 +215,13 @@ class Ground:
     def part(self, seen: Seen, f: int) -> tuple[float, float]:
         """Where on the outline a finger touches, or is, if it may do so at several places, 0..1; and how far
         from corners, 0..1."""
-        x, y, angle = seen.touches.poses[self.body].tolist()
-        across, up = seen.touches.points[seen.held[f], :2].tolist()
+        point, pose = seen.touches.points[seen.held[f]], seen.touches.poses[self.body]
         if self.fingers[f].contacts > 1:
-            normal, centre = seen.touches.normals[seen.held[f]], seen.touches.poses[self.fingers[f].body, :2]
-            across, up = (centre + normal * ((across, up) - centre) @ normal).tolist()
-        c, s = math.cos(angle), math.sin(angle)
-        across, up = across - x, up - y
-        return self.around.outline(self.body).part_of(np.array([c * across + s * up, c * up - s * across]))
+            normal, centre = seen.touches.normals[seen.held[f]], seen.touches.poses[self.fingers[f].body]
+            middle = centre[: len(normal)]
+            point = middle + normal * ((point - middle) @ normal)
+        at, turned = frame_of(pose)
+        return self.around.outline(self.body).part_of((point - at) @ turned)
 
     def opposite(self, parts: Reals) -> Reals:
         """Parts (m,) of the outline across the body from others (m,), nearest to the line along their normals
@@ -182,7 +230,7 @@ class Ground:
         points, normals = outline(parts)
         others, facing = outline(every)
         ways = others[None] - points[:, None]
-        across = np.abs(ways[..., 0] * normals[:, None, 1] - ways[..., 1] * normals[:, None, 0])
+        across = wedge(ways, normals[:, None])
         faces = (facing[None] * normals[:, None]).sum(axis=2)
         return np.asarray(every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)])
 
@@ -196,29 +244,23 @@ class Ground:
         return np.where(drawn[np.arange(len(parts)), best] > 0.0, every[best], parts)
 
     def edges(self, seen: Seen, parts: Reals) -> Reals:
-        """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)
+        """Edges (m, s, k), over units, of the forces on a free object of a finger that touches at parts (m,)
         of its outline, with the friction of the first finger that may touch it."""
-        angle = seen.touches.poses[self.body, 2]
+        _, turned = frame_of(seen.touches.poses[self.body])
         points, normals = self.around.outline(self.body)(parts)
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.array([[c, -s], [s, c]])
-        arms, inward = points @ turn.T, -normals @ turn.T
-        along = np.stack([-inward[:, 1], inward[:, 0]], axis=-1)
+        rows = self.around.rows(seen.q, self.body, points, -normals @ turned.T)[:, :, self.columns]
         f = int(np.flatnonzero(self.own >= 0)[0])
         mu = (1.0 - self.fingers[f].reserve) * self.frictions[f]
-        found = list[Reals]()
-        for sign in (1.0, -1.0):
-            force = inward + sign * mu * along
-            turning = arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0]
-            found.append(np.column_stack([force, turning]) / self.units)
-        return np.stack(found, axis=1)
+        ring = self.memory(0).ring
+        edges = [rows[:, 0] + mu * np.tensordot(own, rows[:, 1:], (0, 1)) for own in ring]
+        return np.asarray(np.stack(edges, axis=1) / self.units)
 
     def memory(self, contacts: int, edges: int = 0) -> Memory:
         """Memory of kernels for so many contacts with surroundings, and edges of forces."""
         for memory in self._memories:
             if len(memory.friction) >= contacts and len(memory.edges) > edges:
                 return memory
-        size = (len(self.columns), len(self.around.stiffness))
+        size = (len(self.columns), len(self.around.owners), self.around.dimension - 1)
         held = sum(finger.contacts for finger in self.fingers)
         self._memories[:] = [memory_for(contacts + MORE, held, edges + MORE, *size)]
         return self._memories[0]
@@ -241,7 +283,7 @@ class Ground:
     @cached_property
     def turning(self) -> int:
         """The number of the object's coordinate that turns it, -1 where none does."""
-        names = self.task.scene.template.coordinates
+        names = world_of(self.task.scene).velocities
         turns = [k for k, column in enumerate(self.columns) if names[column].endswith(".angle")]
         return turns[0] if turns else -1
 
@@ -263,61 +305,36 @@ class Ground:
         """Friction of each finger on the object (f,)."""
         found = np.zeros(len(self.fingers))
         start = world_of(self.task.scene).at(self.task.parameters).q
-        touches = self.around.touches(start, np.inf)
         for f, pair in enumerate(self.own):
-            found[f] = touches.friction[touches.pairs == pair].max(initial=0.0)
+            found[f] = self.around.near(start, int(pair)).friction if pair >= 0 else 0.0
         return found
 
     def placed(self, q: Reals, f: int, part: float) -> Reals | None:
         """The place (n,) with a finger that touches the object at this part of its outline; None where it
         does not come there."""
         finger, found = self.fingers[f], q.copy()
-        x, y, angle = self.around.poses(q)[self.body]
+        at, turned = frame_of(self.around.poses(q)[self.body])
         point, normal = (rows[0] for rows in self.around.outline(self.body)(np.array([part])))
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.array([[c, -s], [s, c]])
-        normal = turn @ normal
+        point, normal, pair = at + turned @ point, turned @ normal, int(self.own[f])
         if finger.arm is not None:
-            return self._reached(q, f, finger.arm, np.array([x, y]) + turn @ point)
-        found[finger.columns] = [x, y] + turn @ point + 2.0 * self.task.size * normal
+            first = self.task.scene.template.contacts[pair][0] == finger.carrier.body
+            wanted = Reach(
+                pair, 1.0 if first else -1.0, finger.body, point, normal, self.task.size, self.closed
+            )
+            posed = reached(self.around, finger.arm, q, wanted)
+            return next((each for each in posed if self.look(each).held[f] >= 0), None)
+        found[finger.columns] = point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
-            gap = self.around.touches(found, 0.0).least[self.own[f]]
+            gap = self.around.touches(found, 0.0).least[pair]
             found[finger.columns] -= gap * normal
         return found if self.look(found).held[f] >= 0 else None
-
-    def _reached(self, q: Reals, f: int, arm: Arm, point: Reals) -> Reals | None:
-        """The place (n,) with an arm that touches the object at a point (2,), or elsewhere on the line along
-        the normal: damped least squares on its joints, from where they are and from others."""
-        low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
-        size, pair = self.task.size, self.own[f]
-        odd = np.arange(len(low)) % 2
-        begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in BEGUN)]
-        for joints in begun:
-            found, off = arm.posed(q, joints), np.full(2, np.inf)
-            for _ in range(REACHES):
-                touches = self.around.touches(found, np.inf)
-                rows = np.flatnonzero(touches.pairs == pair)
-                k = rows[touches.gaps[rows].argmin()]
-                normal = touches.normals[k]
-                along = np.array([normal[1], -normal[0]])
-                off = np.array([touches.gaps[k], (touches.points[k] - point) @ along])
-                if np.abs(off).max() < EXACT * self.closed:
-                    break
-                rates = arm.rates(found)
-                own = touches.rows[k][:, arm.columns] @ rates
-                step = own.T @ np.linalg.solve(own @ own.T + (DAMPED * size) ** 2 * np.eye(2), -off)
-                largest = float(np.abs(step).max())
-                joints = np.clip(arm.joints(found) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high)
-                found = arm.posed(q, joints)
-            if np.abs(off).max() < self.closed and self.look(found).held[f] >= 0:
-                return found
-        return None
 
     def moved(self, seen: Seen, change: Reals, used: Ints, led: Ints | None = None) -> Reals:
         """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go,
         each led by its nearest contact, or by another (f,)."""
-        q = seen.q.copy()
-        q[self.columns] += change
+        whole = np.zeros(len(self.around.owners))
+        whole[self.columns] = change
+        q = self.around.changed(seen.q, whole)
         led = seen.held if led is None else led
         carry(seen.touches.rows, led, used, self.placing, self.columns, change, q)
         for f in self.arms:
@@ -347,7 +364,8 @@ class Ground:
                 if held[f] and seen.held[f] >= 0:
                     finger, gap = self.fingers[f], seen.touches.gaps[seen.held[f]]
                     normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
-                    q = finger.put(q, finger.drives(q) - normal * gap / (normal @ normal))
+                    if normal @ normal > 0.0:
+                        q = finger.put(q, finger.drives(q) - normal * gap / (normal @ normal))
         return self.look(q)
 
     def _closing(self, touches: Touches, rows: Ints) -> Reals:
@@ -367,9 +385,3 @@ class Ground:
     def placing(self) -> Ints:
         """The columns of x and y of each finger that these place (f, 2), -1 for others."""
         return np.array([f.columns if f.arm is None else (-1, -1) for f in self.fingers], np.int64)
-
-
-def _is_round(around: Surroundings, body: int, size: float) -> bool:
-    """Whether the outline of a body is a circle about its centre of mass."""
-    points, _ = around.outline(body)(np.arange(0.5, AROUND) / AROUND)
-    return float(np.ptp(np.linalg.norm(points, axis=1))) <= ROUND * size

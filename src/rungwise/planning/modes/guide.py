@@ -29,6 +29,8 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
         every = [ground.around.touches(row, 0.0).least[ground.pairs].min(initial=math.inf) for row in rows]
         return np.array(every)
 
+    if len(ground.turns):
+        return none
     ends = np.stack([q, goal])
     least = min(CLEAR * ground.task.size, 0.5 * float(gaps(ends).min()))
     if least <= 0.0:

@@ -76,12 +76,15 @@ class Writer:
         """The place (n,) to which servos aim to press so at a place, and to carry their own weight: where
         fingers would be if nothing held them."""
         ground = self.ground
-        stiffness = ground.around.stiffness
+        stiffness, found = ground.around.stiffness, q.copy()
         wanted = pushes - ground.around.loads(q)
-        safe = np.where(stiffness > 0.0, stiffness, 1.0)
-        found = q + np.where(stiffness > 0.0, wanted / safe, 0.0)
         for finger in ground.fingers:
-            if finger.arm is not None and finger.carrier.by_place:
+            if finger.arm is None:
+                own = stiffness[finger.columns]
+                found[finger.columns] += np.where(
+                    own > 0.0, wanted[finger.columns] / np.where(own > 0.0, own, 1.0), 0.0
+                )
+            elif finger.carrier.by_place:
                 torques = wanted[finger.moved] @ finger.rates(q)
                 found = finger.put(found, finger.drives(q) + torques / finger.carrier.stiffness)
         return found
@@ -120,7 +123,7 @@ class Writer:
     def _put(self, aims: Reals, label: str, pace: float = 1.0) -> None:
         took = 0.0
         for finger in self.ground.fingers:
-            way = float(np.linalg.norm((aims - self._aims)[finger.columns]))
+            way = finger.way(self.ground.around, self._aims, aims, self.ground.task.size)
             took = max(took, pace * self._pace * way / finger.carrier.speed)
         if took > 0.0:
             self._rows.append(Row(aims, took, label, self._raised))
@@ -134,7 +137,7 @@ class Writer:
             return
         aims, own = self._aims.copy(), self.aimed(seen.q, pushes)
         for f in np.flatnonzero(staying):
-            columns = self.ground.fingers[f].moved
+            columns = self.ground.fingers[f].places
             aims[columns] = own[columns]
         self._put(aims, LEAVE)
 
@@ -156,7 +159,7 @@ class Writer:
         for part in BACK:
             back = part * finger.carrier.clearance * normal / float(normal @ normal)
             found = finger.put(q, finger.drives(q) + back)
-            if finger.reaches(found):
+            if finger.reaches(found, ground.around):
                 least = ground.look(found).touches.least
                 names = ground.task.scene.template.contacts
                 own = [k for k, pair in enumerate(names) if finger.carrier.body in pair]
@@ -169,7 +172,7 @@ class Writer:
         first = self.ground.look(leg.way.places[0])
         q = now.copy()
         for f in np.flatnonzero(leg.changes):
-            columns = self.ground.fingers[f].moved
+            columns = self.ground.fingers[f].places
             q[columns] = first.q[columns]
         for f in np.flatnonzero(leg.changes * leg.way.used):
             if first.held[f] < 0:
@@ -204,9 +207,9 @@ class Writer:
     def _to(self, place: Reals, moving: Ints, label: str) -> None:
         """Lead fingers through free space to a place (n,)."""
         aims = self._aims.copy()
-        free = self.aimed(place, np.zeros(len(place)))
+        free = self.aimed(place, np.zeros(len(self.ground.around.owners)))
         for f in moving:
-            columns = self.ground.fingers[f].moved
+            columns = self.ground.fingers[f].places
             aims[columns] = free[columns]
         self._put(aims, label)
 
@@ -216,7 +219,7 @@ class Writer:
         rows = np.array([self.aimed(q, push) for q, push in zip(way.places, way.pushes, strict=True)])
         free = np.ones(len(self._aims), bool)
         for f in np.flatnonzero(way.used):
-            free[self.ground.fingers[f].moved] = False
+            free[self.ground.fingers[f].places] = False
         rows[:, free] = self._aims[free]
         self._put(rows[0], TOUCH)
         for k in _turns(rows, STRAIGHT * self.ground.task.size):

@@ -54,11 +54,11 @@ IDLE = 8
 
 
 def suits(work: Work) -> bool:
-    """Whether modes can be planned: a planar scene with fingers, and a goal that places decide."""
+    """Whether modes can be planned: a scene with fingers, in space such as it names, and a goal that places
+    decide."""
     task = work.named.task
     return (
-        world_of(task.scene).shapes == OUTLINES
-        and (bool(task.carriers) or task.is_led)
+        (task.is_led or (bool(task.carriers) and world_of(task.scene).shapes == OUTLINES))
         and bool(fingers_of(task))
         and placed_part(task.scene.file.goal or "") is not None
         and len(_goals(work)) > 0
@@ -271,7 +271,7 @@ class ModePlanner:
 
     def _goals(self, ground: Ground, q: Reals) -> Reals:
         """Places (g, n) at the goal, those next to q (n,) first."""
-        goals, own = np.repeat(q[None], len(self._places), axis=0), ground.columns[ground.aims]
+        goals, own = np.repeat(q[None], len(self._places), axis=0), ground.aimed
         goals[:, own] = self._places[:, own]
         away = [ground.away(q, goal) for goal in goals]
         return goals[np.argsort(away, kind="stable")]
@@ -309,7 +309,7 @@ class ModePlanner:
         asked = parts if len(parts) else slice(None)
 
         def is_reached(q: Reals) -> bool:
-            lacks = self.scene.placed.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0]
+            lacks = self.scene.placed.ask(self.work.task.resting(q)).lacks[0]
             return bool((lacks[asked] == 0.0).all())
 
         return is_reached

@@ -15,7 +15,8 @@ from rungwise.planning.motion.transit import over_objects
 NEAR = 0.25
 """Part of the clearance that arms keep on their way."""
 TURN = 0.02
-"""Greatest change of joints, in radians, between places of a way that are looked at."""
+"""Greatest change of hinges, in radians, and of slides, in sizes, between places of a way that are looked
+at."""
 
 
 def arms_way(
@@ -27,7 +28,8 @@ def arms_way(
     fingers = [ground.fingers[f] for f in moving]
     names, bodies = ground.task.scene.template.contacts, {finger.carrier.body for finger in fingers}
     over = over_objects(ground.task, raised)
-    own = [k for k, pair in enumerate(names) if bodies & set(pair) and k not in over]
+    own = np.array([k for k, pair in enumerate(names) if bodies & set(pair) and k not in over], np.int64)
+    units = np.concatenate([finger.units for finger in fingers])
     low = np.concatenate([_range(ground, int(f))[0] for f in moving])
     high = np.concatenate([_range(ground, int(f))[1] for f in moving])
 
@@ -39,7 +41,7 @@ def arms_way(
         return q
 
     def gap(values: Reals) -> float:
-        return float(ground.around.touches(place(values), 0.0).least[own].min(initial=math.inf))
+        return float(ground.around.least(place(values), own).min(initial=math.inf))
 
     ends = [np.concatenate([finger.drives(q) for finger in fingers]) for q in (a, b)]
     clear = NEAR * min(finger.carrier.clearance for finger in fingers)
@@ -48,7 +50,7 @@ def arms_way(
         return None
 
     def is_free(one: Reals, other: Reals) -> bool:
-        count = max(1, math.ceil(float(np.abs(other - one).max(initial=0.0)) / TURN))
+        count = max(1, math.ceil(float(np.abs((other - one) / units).max(initial=0.0)) / TURN))
         return all(gap(one + part * (other - one)) >= least for part in np.linspace(0.0, 1.0, count + 1))
 
     way: Reals | None = np.array(ends)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.balance import carried, could, held_edges, is_led, modes, motion, rests
+from rungwise.planning.modes.balance import carried, could, drags, held_edges, is_led, modes, motion, rests
 from rungwise.planning.modes.follow import Way, follow
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.pushed import led_target
@@ -36,8 +36,6 @@ BEHIND, BACK = 0.5, 0.3
 place by place."""
 ROWS = 200
 """Nodes for which room is made at a time."""
-AROUND, TURN = 1.5, 1.0
-"""Room about start and goals in which places are drawn, in parts of the size and in radians."""
 CHOSEN, GREEDY = 4, 0.3
 """Modes that a node is extended in, and how often these are the best."""
 POOL, TRIES, PLACED, ENOUGH = 48, 60, 24, 6
@@ -115,8 +113,8 @@ def propose(
     places; `grown` counts trees and their legs."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
-    tree.note(q[ground.columns] * ground.units, far(ground, q, path))
-    low, high = _room(ground, np.vstack([q, home, goals, path]))
+    tree.note(ground.marks(q), far(ground, q, path))
+    room = np.vstack([q, home, goals, path])
     begins = tree.been
     if reached(q):
         return []
@@ -129,8 +127,7 @@ def propose(
         elif rng.random() < TO_GOAL:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
-            target = home.copy()
-            target[ground.columns] = rng.uniform(low, high)
+            target = ground.drawn(home, room, rng)
         node = _chosen(ground, tree, target, rng)
         for leg in _extended(ground, tree, node, target, home, press, rng, failed, look):
             seen = ground.look(leg.way.places[-1])
@@ -141,7 +138,7 @@ def propose(
             tree.legs.append(leg)
             grown[LEGS] += 1
             tree.chosen.append(0)
-            tree.note(seen.q[ground.columns] * ground.units, far(ground, seen.q, path))
+            tree.note(ground.marks(seen.q), far(ground, seen.q, path))
             if reached(seen.q):
                 return tree.way(len(tree.seen) - 1)
     return tree.way(tree.first) if tree.been >= begins + ONWARD else None
@@ -151,21 +148,14 @@ def far(ground: Ground, q: Reals, path: Reals) -> int:
     """The last place of a path (p, n) that q (n,) is near to; the first where it is near to none."""
     if not len(path):
         return 0
-    off = (q - path)[:, ground.columns] * ground.units
-    near = np.flatnonzero(np.linalg.norm(off, axis=1) < BEEN * ground.task.size)
+    off = np.array([ground.away(q, place) for place in path])
+    near = np.flatnonzero(off < BEEN * ground.task.size)
     return int(near.max(initial=0))
-
-
-def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
-    """Least and greatest places (k,) of the object that are drawn."""
-    own = rows[:, ground.columns]
-    room = np.where(ground.units == 1.0, AROUND * ground.task.size, TURN)
-    return own.min(axis=0) - room, own.max(axis=0) + room
 
 
 def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator) -> int:
     """The node to go on from: near to the target, and not often chosen before."""
-    away = np.linalg.norm((tree.places - target[ground.columns] * ground.units) * ground.aims, axis=1)
+    away = np.linalg.norm(tree.places - ground.marks(target), axis=1)
     weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
     node = int(weighed.argmin())
     tree.chosen[node] += 1
@@ -179,7 +169,7 @@ def _extended(
     """Legs from a node towards a target, in some of its modes: the best, and at times others."""
     seen, used = tree.seen[node], tree.used[node]
     target = led_target(ground, seen, target, rng)
-    want = (target - seen.q)[ground.columns] * ground.units
+    want = ground.off(seen.q, target)
     if not want.any():
         return
     every = modes(ground, seen, want)
@@ -219,8 +209,9 @@ def _grasps(
         return
     may = could(ground, seen, mode, want, press)
     parts = _pool(ground, seen, used, rng)
-    edges = ground.edges(seen, parts) if len(ground.columns) == 3 and not ground.is_wide else None
-    if may is None or (edges is not None and not may(edges.reshape(-1, 3), False)):
+    count = len(ground.columns)
+    edges = ground.edges(seen, parts) if ground.is_free_body and not ground.is_wide else None
+    if may is None or (edges is not None and not may(edges.reshape(-1, count), False)):
         failed[NO_BALANCE] += not kept
         return
     found, fits, placed = 0, carried(ground, seen) is not None, 0
@@ -232,7 +223,7 @@ def _grasps(
             picked[:] = alone[k]
         staying = used * (1 - changes)
         if edges is not None:
-            holding = held_edges(ground, seen, staying) if staying.any() else np.zeros((0, 3))
+            holding = held_edges(ground, seen, staying) if staying.any() else np.zeros((0, count))
             every = np.vstack([holding, *edges[picked[own * changes > 0]]])
             if not may(every, True):
                 continue
@@ -251,7 +242,11 @@ def _grasps(
 
 def _makes(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, press: float) -> bool:
     """Whether fingers can make a mode."""
-    if carried(ground, seen) is None and not is_led(ground, seen, used, mode):
+    if (
+        carried(ground, seen) is None
+        and not is_led(ground, seen, used, mode)
+        and not drags(ground, seen, mode)
+    ):
         return False
     return motion(ground, seen, used, mode, want, press) is not None
 
@@ -336,10 +331,14 @@ def _idle(
     if draw < 0.3 and not used[f]:
         return found
     if draw < 0.6:
-        found[finger.moved] = home[finger.moved]
+        found[finger.places] = home[finger.places]
         return found
     if finger.arm is not None:
-        return finger.put(q, rng.uniform(*(np.clip(bound, -math.pi, math.pi) for bound in finger.arm.bounds)))
+        near, low, high = finger.arm.units * math.pi, *finger.arm.bounds
+        if len(ground.turns):
+            now = finger.arm.joints(q)
+            return finger.put(q, rng.uniform(np.maximum(low, now - near), np.minimum(high, now + near)))
+        return finger.put(q, rng.uniform(*(np.clip(bound, -math.pi, math.pi) for bound in (low, high))))
     turn, far = rng.uniform(0.0, 2.0 * math.pi), ground.task.size * rng.uniform(1.2, 3.0)
     about = ground.around.poses(seen.q)[ground.body, :2]
     found[finger.columns] = np.clip(about + far * np.array([math.cos(turn), math.sin(turn)]), *finger.bounds)

@@ -97,6 +97,10 @@ class Task:
         ]  # fmt: skip
         return " and ".join(each)
 
+    def resting(self, q: Reals) -> Reals:
+        """The state (1, n_q + n_v) at rest at a place (n_q,), as questions take it."""
+        return np.concatenate([q, np.zeros(len(self.rates))])[None]
+
     @property
     def patience(self) -> float:
         """How long robots wait at most for objects to rest."""
@@ -151,8 +155,9 @@ class Task:
         """Whether robots lead objects: where no support holds these, or the task says which are fingers, and
         servos or joints drive these; given speeds push."""
         named = bool(fields_of(self.scene).fingers) and (self.by_place or not self.carriers)
-        leads = named or (bool(self.carriers) and not self.slides)
-        return leads and world_of(self.scene).shapes == OUTLINES
+        if world_of(self.scene).shapes != OUTLINES:
+            return named
+        return named or (bool(self.carriers) and not self.slides)
 
     @property
     def by_place(self) -> bool:

@@ -17,7 +17,7 @@ from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
-from rungwise.world.carriers import Outline, Surfaces, Touches
+from rungwise.world.carriers import Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
@@ -61,6 +61,8 @@ def _seek(
 class PlanarSurroundings:
     """See `Surroundings`. Robots that may be raised are in the plane."""
 
+    dimension = 2
+
     def __init__(self, scene: Scene, parameters: Mapping[str, float]) -> None:
         here = PlanarPlace(scene, parameters)
         self._records, self._workspace = here.bound.records, here.workspace
@@ -78,6 +80,39 @@ class PlanarSurroundings:
     @cached_property
     def owners(self) -> Ints:
         return np.array(self._records.coordinates["body"], np.int64)
+
+    @property
+    def placed(self) -> Ints:
+        return self.owners
+
+    def near(self, q: Reals, pair: int) -> Near:
+        found = self.touches(q, math.inf)
+        rows = np.flatnonzero(found.pairs == pair)
+        k = rows[found.gaps[rows].argmin()]
+        return Near(
+            float(found.gaps[k]), found.points[k], found.normals[k],
+            np.array([[found.normals[k, 1], -found.normals[k, 0]]]), found.rows[k],
+            float(found.friction[rows].max()),
+        )  # fmt: skip
+
+    def least(self, q: Reals, pairs: Ints) -> Reals:
+        return self.touches(q, 0.0).least[pairs]
+
+    def changed(self, q: Reals, change: Reals) -> Reals:
+        return q + change
+
+    def change(self, q: Reals, to: Reals) -> Reals:
+        return to - q
+
+    def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
+        _, turn = frame_of(self.poses(q)[body])
+        arms, found = points @ turn.T, np.zeros((len(points), 2, len(q)))
+        along = np.stack([-normals[:, 1], normals[:, 0]], axis=-1)
+        columns = np.flatnonzero(self.owners == body)
+        for k, way in enumerate((normals, along)):
+            turning = arms[:, 0] * way[:, 1] - arms[:, 1] * way[:, 0]
+            found[:, k, columns] = np.column_stack([way, turning])
+        return found
 
     def touches(self, q: Reals, within: float) -> Touches:
         records, state, terms = self._records, self._workspace.state, self._workspace.terms

@@ -6,7 +6,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.system.spatial.drives import drives, joints_of, targets
+from rungwise.system.spatial.drives import SLIDE, drives, joints_of, targets
 from rungwise.world.carriers import Driven, TaskError
 
 
@@ -27,8 +27,16 @@ def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: fl
     return Driven(
         body=name, places=tuple(bound.model.jnt_qposadr[joints].tolist()), columns=tuple(columns),
         matrix=matrix, zero=zero, by_place=by_place, stiffness=stiffness, limit=limit, reach=reach, links=(),
-        home=np.zeros(0),
+        home=np.zeros(0), rates=tuple(bound.model.jnt_dofadr[joints].tolist()),
+        slides=tuple((bound.model.jnt_type[joints] == SLIDE).tolist()), travel=_travel(bound, joints),
     )  # fmt: skip
+
+
+def _travel(bound: SpaceBound, joints: list[int]) -> Reals:
+    """Least and greatest places (2, k) of joints, infinite where nothing bounds them."""
+    model = bound.model
+    limited = model.jnt_limited[joints].astype(bool)
+    return np.where(limited, model.jnt_range[joints].T, [[-np.inf], [np.inf]])
 
 
 def _strengths(bound: SpaceBound, joints: list[int]) -> tuple[Reals, Reals]:

@@ -14,6 +14,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import SOLIDS
 from rungwise.world.parts import of_scene
+from rungwise.world.spatial.around.surroundings import SpatialSurroundings
 from rungwise.world.spatial.configurations import SpatialConfigurations
 from rungwise.world.spatial.description import describe, described
 from rungwise.world.spatial.evidence import end, evidence
@@ -43,6 +44,7 @@ class SpatialWorld:
     place = of_scene(SpatialPlace)
     at = of_scene(SpatialInstance)
     configurations = of_scene(SpatialConfigurations)
+    surroundings = of_scene(SpatialSurroundings)
     variant = of_scene(SpatialVariant)
     evidence = staticmethod(evidence)
     end = staticmethod(end)

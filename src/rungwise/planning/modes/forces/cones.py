@@ -2,7 +2,8 @@
 
 Forces are least squares with coefficients of at least 0 (Lawson and Hanson, Solving Least Squares Problems,
 1974, chapter 23), with an orthonormal basis of the columns in use. Sizes: k coordinates of the object, e
-contacts, f fingers, m edges, d rows of a problem.
+contacts, f fingers, m edges, d rows of a problem; t tangents of a contact, 1 in the plane and 2 in space, and
+s edges of its cone, 2 or 8.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ PART, SLIDE, STICK = 0, 1, 2
 """What a contact does in a mode; which way it slides follows from the motion."""
 MOST = 5
 """Contacts of which modes are told apart; more are kept or parted together with the nearest of these."""
+EDGES = 8
+"""Edges of a cone in space, within it."""
 TINY, UNBALANCED = 1e-9, 1e-6
 """Slip, over the motion, that counts as none; force, over the load, that counts as balanced."""
 AMID = 3e-3
@@ -29,10 +32,11 @@ _ROUNDING, _ROUNDS = 1e-11, 3
 
 
 class Memory(Block):
-    """Memory of these kernels, and what they answer. normals, tangents (e, k), friction (e,): of the object's
-    contacts, over its units; flat (1,): the number of the coordinate that may not change, and one, else 0;
-    edges (m, k): of forces on it, those of fingers first; share (m,): of each in
-    the force; change (k,): of the object; pushes (n,): of fingers on their own coordinates."""
+    """Memory of these kernels, and what they answer. normals (e, k), tangents (e t, k), friction (e,): of the
+    object's contacts, over its units; ring (s, t): the directions of the edges of cones; flat (1,): the
+    number of the coordinate that may not change, and one, else 0; edges (m, k): of forces on it, those of
+    fingers first; share (m,): of each in the force; change (k,): of the object; pushes (n,): of fingers on
+    their own coordinates."""
 
     normals: Reals
     tangents: Reals
@@ -58,38 +62,53 @@ class Memory(Block):
     pushes: Reals
     modes: Ints
     motions: Reals
+    ring: Reals
 
 
-def memory_for(contacts: int, fingers: int, edges: int, size: int, coordinates: int) -> Memory:
+def ring_of(tangents: int) -> Reals:
+    """Directions (s, t) of the edges of a cone."""
+    if tangents == 1:
+        return np.array([[1.0], [-1.0]])
+    angles = np.arange(EDGES) * (2.0 * math.pi / EDGES)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def memory_for(
+    contacts: int, fingers: int, edges: int, size: int, coordinates: int, tangents: int = 1
+) -> Memory:
     """Memory for so many contacts, fingers and edges, of an object of `size` coordinates, of all
     `coordinates`."""
-    own = 2 * (contacts + fingers)
+    ring = ring_of(tangents)
+    own = len(ring) * (contacts + fingers)
     rows, edges = size + 2 * own + 1, max(own, edges) + 1
     told = min(contacts, MOST)
     most = 2**told * (told + 2)
     shapes: dict[str, tuple[int, ...]] = {
-        "normals": (contacts, size), "tangents": (contacts, size), "friction": (contacts,),
+        "normals": (contacts, size), "tangents": (tangents * contacts, size), "friction": (contacts,),
         "columns": (edges, rows), "wanted": (rows,), "left": (rows,), "sizes": (edges,), "share": (edges,),
         "trial": (edges,), "lengths": (edges,), "basis": (edges, rows), "factor": (edges, edges),
-        "passive": (edges,), "inside": (edges,), "held": (2 * contacts + 2, size), "axes": (size, size),
+        "passive": (edges,), "inside": (edges,), "held": ((1 + tangents) * contacts + 2, size),
+        "axes": (size, size),
         "turned": (size, size), "flat": (1,), "edges": (edges, size), "change": (size,), "hoped": (size,),
         "pushes": (coordinates,), "modes": (most, contacts), "motions": (most, size),
     }  # fmt: skip
     kinds = {
         name: np.int64 if name in ("passive", "inside", "flat", "modes") else np.float64 for name in shapes
     }
-    return Memory(**{name: np.zeros(shape, kinds[name]) for name, shape in shapes.items()})
+    return Memory(**{name: np.zeros(shape, kinds[name]) for name, shape in shapes.items()}, ring=ring)
 
 
 @kernel
 def see(
     rows: Reals, friction: Reals, which: Ints, columns: Ints, units: Reals, memory: Memory
 ) -> None:  # fmt: skip
-    """Write normals, tangents and friction of some contacts (e,) of all (c,) with these rows (c, 2, n)."""
+    """Write normals, tangents and friction of some contacts (e,) of all (c,) with these rows (c, d, n)."""
+    tangents = memory.ring.shape[1]
     for i in range(which.shape[0]):
         for c in range(columns.shape[0]):
             memory.normals[i, c] = rows[which[i], 0, columns[c]] / units[c]
-            memory.tangents[i, c] = rows[which[i], 1, columns[c]] / units[c]
+            for t in range(tangents):
+                memory.tangents[i * tangents + t, c] = rows[which[i], 1 + t, columns[c]] / units[c]
         memory.friction[i] = friction[which[i]]
 
 
@@ -99,15 +118,17 @@ def grip(
 ) -> int:  # fmt: skip
     """Write the edges of fingers that touch at contacts (f,), -1 for none, and use a part of their friction
     (f,); returns how many fingers these are."""
-    count = 0
+    count, sides = 0, memory.ring.shape[0]
     for f in range(held.shape[0]):
         if held[f] < 0:
             continue
-        for side in range(2):
-            mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+        mu = kept[f] * friction[held[f]]
+        for side in range(sides):
             for c in range(columns.shape[0]):
-                own = rows[held[f], 0, columns[c]] + mu * rows[held[f], 1, columns[c]]
-                memory.edges[2 * count + side, c] = own / units[c]
+                own = rows[held[f], 0, columns[c]]
+                for t in range(memory.ring.shape[1]):
+                    own += mu * memory.ring[side, t] * rows[held[f], 1 + t, columns[c]]
+                memory.edges[sides * count + side, c] = own / units[c]
         count += 1
     return count
 
@@ -118,21 +139,32 @@ def presses(
 ) -> bool:  # fmt: skip
     """Write the `pushes` of fingers from the `share` of their edges; False where one is too weak (f,), or
     would push with more than `most`."""
-    count = 0
+    count, sides = 0, memory.ring.shape[0]
     for c in range(memory.pushes.shape[0]):
         memory.pushes[c] = 0.0
     for f in range(held.shape[0]):
         if held[f] < 0:
             continue
-        if memory.share[2 * count] + memory.share[2 * count + 1] > min(strongest[f], most):
+        if pressed(count, memory) > min(strongest[f], most):
             return False
-        for side in range(2):
-            mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+        mu = kept[f] * friction[held[f]]
+        for side in range(sides):
             for c in range(memory.pushes.shape[0]):
-                own = rows[held[f], 0, c] + mu * rows[held[f], 1, c]
-                memory.pushes[c] -= memory.share[2 * count + side] * own
+                own = rows[held[f], 0, c]
+                for t in range(memory.ring.shape[1]):
+                    own += mu * memory.ring[side, t] * rows[held[f], 1 + t, c]
+                memory.pushes[c] -= memory.share[sides * count + side] * own
         count += 1
     return True
+
+
+@kernel
+def pressed(f: int, memory: Memory) -> float:
+    """The normal force of a finger, from the `share` of its edges, which come first."""
+    total, sides = 0.0, memory.ring.shape[0]
+    for side in range(sides):
+        total += memory.share[sides * f + side]
+    return total
 
 
 @kernel
@@ -257,32 +289,45 @@ def _settled(count: int, d: int, memory: Memory) -> int:
 def contact_edges(mode: Ints, change: Reals, reserve: float, memory: Memory, begin: int) -> int:
     """Write the edges of the forces at contacts that a mode keeps into `edges`, from `begin` on: both of the
     cone, or the one against the slip by a change (k,). Returns where they end."""
-    normals, tangents, friction = memory.normals, memory.tangents, memory.friction
-    size, count = change.shape[0], begin
+    normals, tangents, friction, ring = memory.normals, memory.tangents, memory.friction, memory.ring
+    size, width, count = change.shape[0], ring.shape[1], begin
     tol = TINY * (1.0 + math.sqrt(dot(change, change, size)))
     for i in range(mode.shape[0]):
         if mode[i] == PART:
             continue
-        slip = dot(tangents[i], change, size)
-        sticks = mode[i] == STICK or abs(slip) <= tol
-        for side in range(2 if sticks else 1):
-            mu = (1.0 - reserve) * friction[i] * (1.0 - 2.0 * side)
-            if not sticks:
-                mu = -friction[i] if slip > 0.0 else friction[i]
+        slip = slip_of(i, change, memory)
+        sticks = mode[i] == STICK or slip <= tol
+        for side in range(ring.shape[0] if sticks else 1):
             for c in range(size):
-                memory.edges[count, c] = normals[i, c] + mu * tangents[i, c]
+                own = normals[i, c]
+                for t in range(width):
+                    mu = (1.0 - reserve) * friction[i] * ring[side, t]
+                    if not sticks:
+                        mu = -friction[i] * (dot(tangents[i * width + t], change, size) / slip)
+                    own += mu * tangents[i * width + t, c]
+                memory.edges[count, c] = own
             count += 1
     return count
 
 
+@inner_kernel
+def slip_of(i: int, change: Reals, memory: Memory) -> float:
+    """How far a contact slips in a change (k,)."""
+    size, width, total = change.shape[0], memory.ring.shape[1], 0.0
+    for t in range(width):
+        own = dot(memory.tangents[i * width + t], change, size)
+        total += own * own
+    return math.sqrt(total)
+
+
 @kernel
 def balances(m: int, fingers: int, weight: Reals, scale: float, least: Reals, memory: Memory) -> bool:
-    """Whether forces along `edges` (m, k), each of those of fingers at least `least` (2 f,), balance a weight
+    """Whether forces along `edges` (m, k), each of those of fingers at least `least` (s f,), balance a weight
     (k,)."""
     size, total = weight.shape[0], 0.0
     for c in range(size):
         memory.wanted[c] = -weight[c] / scale
-        for j in range(2 * fingers):
+        for j in range(memory.ring.shape[0] * fingers):
             memory.wanted[c] -= least[j] * memory.edges[j, c] / scale
         total += memory.wanted[c] * memory.wanted[c]
     for j in range(m):
@@ -301,4 +346,4 @@ def center(m: int, fingers: int, scale: float, least: Reals, memory: Memory) -> 
             memory.columns[j, size + i] = AMID if i == j else 0.0
     nonnegative(m, size + m, memory)
     for j in range(m):
-        memory.share[j] = scale * memory.share[j] + (least[j] if j < 2 * fingers else 0.0)
+        memory.share[j] = scale * memory.share[j] + (least[j] if j < memory.ring.shape[0] * fingers else 0.0)

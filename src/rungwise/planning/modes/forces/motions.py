@@ -18,6 +18,7 @@ from rungwise.planning.modes.forces.cones import (
     dot,
     grip,
     nonnegative,
+    pressed,
     presses,
 )  # fmt: skip
 
@@ -69,16 +70,17 @@ def project(count: int, memory: Memory, motion: Reals) -> int:
 def hold(mode: Ints, memory: Memory) -> int:
     """Write the rows that a mode keeps into `held`, and that of what may not change; returns how many there
     are."""
-    normals, tangents, count = memory.normals, memory.tangents, 0
+    normals, tangents, width, count = memory.normals, memory.tangents, memory.ring.shape[1], 0
     for i in range(mode.shape[0]):
         if mode[i] != PART:
             for c in range(normals.shape[1]):
                 memory.held[count, c] = normals[i, c]
             count += 1
         if mode[i] == STICK:
-            for c in range(normals.shape[1]):
-                memory.held[count, c] = tangents[i, c]
-            count += 1
+            for t in range(width):
+                for c in range(normals.shape[1]):
+                    memory.held[count, c] = tangents[i * width + t, c]
+                count += 1
     if memory.flat[0] > 0:
         for c in range(normals.shape[1]):
             memory.held[count, c] = 1.0 if c == memory.flat[0] - 1 else 0.0
@@ -214,10 +216,10 @@ def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: M
     scale, least, greatest = math.sqrt(dot(want, want, want.shape[0])), math.inf, 0.0
     if not leans(m, mode, want, memory):
         return False
-    if fingers > 1:
+    if fingers > 1 or memory.ring.shape[1] > 1:
         _center(m, hold(mode, memory), scale, memory)
     for f in range(fingers):
-        own = memory.share[2 * f] + memory.share[2 * f + 1]
+        own = pressed(f, memory)
         least, greatest = min(least, own), max(greatest, own)
     if least < WEAK * greatest or not _keeps(mode, hold(mode, memory), scale, memory):
         return False
@@ -256,6 +258,8 @@ def _slide(j: int, rows: int, memory: Memory) -> None:
         column[c] = dot(memory.turned[c], memory.edges[j], size)
         total += column[c] * column[c]
     norm = math.sqrt(total)
+    if norm <= TINY * math.sqrt(dot(memory.edges[j], memory.edges[j], size)):
+        norm = 0.0
     memory.lengths[j] = norm
     for c in range(size):
         column[c] = column[c] / norm if norm > 0.0 else 0.0
@@ -266,14 +270,22 @@ def _slide(j: int, rows: int, memory: Memory) -> None:
 @kernel
 def _keeps(mode: Ints, rows: int, scale: float, memory: Memory) -> bool:
     """Whether `change` keeps the contacts that a mode keeps, closes none, and slides as was hoped."""
-    normals, tangents, size = memory.normals, memory.tangents, memory.change.shape[0]
+    normals, tangents, width, size = (
+        memory.normals,
+        memory.tangents,
+        memory.ring.shape[1],
+        memory.change.shape[0],
+    )
     for i in range(rows):
         if abs(dot(memory.held[i], memory.change, size)) > KEPT * scale:
             return False
     for i in range(mode.shape[0]):
         if dot(normals[i], memory.change, size) < -KEPT * scale:
             return False
-        slips = dot(tangents[i], memory.change, size) * dot(tangents[i], memory.hoped, size)
+        slips = 0.0
+        for t in range(width):
+            own = tangents[i * width + t]
+            slips += dot(own, memory.change, size) * dot(own, memory.hoped, size)
         if mode[i] == SLIDE and slips < 0.0:
             return False
     return True
@@ -291,7 +303,7 @@ def pushed(
     turn(surface, memory)
     if count == 0 or not projected(mode, want, memory.hoped, memory):
         return False
-    end = contact_edges(mode, memory.hoped, reserve, memory, 2 * count)
+    end = contact_edges(mode, memory.hoped, reserve, memory, memory.ring.shape[0] * count)
     if not drags(end, count, limit, mode, want, memory):
         return False
     return presses(rows, friction, held, kept, strongest, LONGEST * limit, memory)

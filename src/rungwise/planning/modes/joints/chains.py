@@ -1,18 +1,74 @@
-"""Arms in the plane: which coordinates their joints move, and the joints at a place."""
+"""Arms: which coordinates their joints move, and the joints at a place."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Driven, Link
 from rungwise.world.find import world_of
 
+Flags: TypeAlias = NDArray[np.bool_]
 CHANGE = 1e-6
 """Change of a joint, in radians, for differences."""
+
+
+class Chain(Protocol):
+    """Joints (k,) that lead a finger: the columns of the velocities that they move (m,), and of the
+    coordinates (p,); units (k,): how far a joint goes in a step, over another's."""
+
+    @property
+    def columns(self) -> Ints: ...
+
+    @property
+    def places(self) -> Ints: ...
+
+    @property
+    def units(self) -> Reals: ...
+
+    @property
+    def hinges(self) -> Flags:
+        """Which joints (k,) turn."""
+
+    @property
+    def bounds(self) -> tuple[Reals, Reals]:
+        """Least and greatest values (k,) of the joints."""
+
+    def joints(self, q: Reals) -> Reals:
+        """The joints (k,) at a place (n_q,)."""
+
+    def posed(self, q: Reals, joints: Reals) -> Reals:
+        """The place (n_q,) with the joints at these values (k,)."""
+
+    def rates(self, q: Reals) -> Reals:
+        """Changes (m, k) of the velocities per joint at a place (n_q,)."""
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Joints (k,) whose coordinates are those of the scene (see `Chain`), as in space."""
+
+    columns: Ints
+    places: Ints
+    units: Reals
+    hinges: Flags
+    bounds: tuple[Reals, Reals]
+
+    def joints(self, q: Reals) -> Reals:
+        return q[self.places]
+
+    def posed(self, q: Reals, joints: Reals) -> Reals:
+        found = q.copy()
+        found[self.places] = joints
+        return found
+
+    def rates(self, _q: Reals) -> Reals:
+        return np.eye(len(self.places))
 
 
 @dataclass(frozen=True)
@@ -25,6 +81,21 @@ class Arm:
     columns: Ints
     sizes: tuple[int, ...]
     start: Reals
+
+    @property
+    def places(self) -> Ints:
+        """Its columns of coordinates, which are those of velocities."""
+        return self.columns
+
+    @property
+    def units(self) -> Reals:
+        """Of hinges 1 (k,)."""
+        return np.ones(len(self.links))
+
+    @property
+    def hinges(self) -> Flags:
+        """All (k,)."""
+        return np.ones(len(self.links), bool)
 
     @property
     def bounds(self) -> tuple[Reals, Reals]:
@@ -66,7 +137,18 @@ class Arm:
         return pose
 
 
-def arm_of(task: Task, driven: Driven) -> Arm | None:
+def chain_of(task: Task, driven: Driven) -> Chain | None:
+    """What leads a robot by joints; None for another."""
+    if not driven.rates:
+        return _arm_of(task, driven)
+    return Joints(
+        np.array(driven.rates, np.int64), np.array(driven.places, np.int64),
+        np.where(driven.slides, task.size, 1.0), ~np.array(driven.slides),
+        (driven.travel[0], driven.travel[1]),
+    )  # fmt: skip
+
+
+def _arm_of(task: Task, driven: Driven) -> Arm | None:
     """The arm of a robot that hinges hold, one body after the other; None for another."""
     if not driven.links or any(link.slides for link in driven.links):
         return None

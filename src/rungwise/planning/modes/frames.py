@@ -1,0 +1,83 @@
+"""Places of objects as numbers: what turns weigh, distances between poses, and places that are drawn."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.task.task import Task
+from rungwise.world.carriers import Surroundings, turn_of
+
+ROAMS, TURN = 1.5, 1.0
+"""Room about start and goals in which places are drawn, in parts of the size and in radians."""
+TURNS = ("angle", "rx", "ry", "rz")
+"""How the turns of a body are called."""
+ROUND, PLACES = 1e-9, 240
+"""Part of its size by which the outline of a round object is off a circle, or a ball; and how many of its
+places are looked at."""
+
+
+class Turned(Protocol):
+    """What draws of an object in space know of it: its task and surroundings, its columns of velocities (k,),
+    of coordinates (p,), and of quaternions (r, 4)."""
+
+    @property
+    def task(self) -> Task: ...
+
+    @property
+    def around(self) -> Surroundings: ...
+
+    @property
+    def columns(self) -> Ints: ...
+
+    @property
+    def places(self) -> Ints: ...
+
+    @property
+    def turns(self) -> Ints: ...
+
+
+def marks_in_space(q: Reals, places: Ints, turns: Ints, reach: float) -> Reals:
+    """Numbers (m,) of an object at a place (n,) in space: its place, and its rotation, scaled so that small
+    turns of a body that reaches so far are as far apart as its points move."""
+    plain = np.setdiff1d(places, turns)
+    turned = [0.5**0.5 * reach * turn_of(q[row]).ravel() for row in turns]
+    return np.concatenate([q[plain], *turned])
+
+
+def drawn_in_space(q: Reals, rows: Reals, of: Turned, rng: np.random.Generator) -> Reals:
+    """The place q (n,) with an object in space anywhere about where it is at others (m, n)."""
+    own = rows[:, of.places]
+    room = ROAMS * of.task.size
+    q[of.places] = rng.uniform(own.min(axis=0) - room, own.max(axis=0) + room)
+    q[of.turns] = rows[int(rng.integers(len(rows)))][of.turns]
+    change = np.zeros(len(of.around.owners))
+    change[of.columns[-3:]] = rng.uniform(-TURN, TURN, 3)
+    return of.around.changed(q, change)
+
+
+def weights_of(task: Task, columns: Ints) -> Reals:
+    """What velocities (k,) weigh in lengths: as their coordinates, where these are the same."""
+    return np.array((task.rates if len(task.turns) else task.weights)[columns])
+
+
+def asks_turn(task: Task, body: str) -> bool:
+    """Whether the goal speaks of a body's turn."""
+    goal = task.scene.file.goal or ""
+    return any(f"{body}.{turn}" in goal for turn in (*TURNS, "q")) or f"angle_about({body}" in goal
+
+
+def is_round(around: Surroundings, body: int) -> bool:
+    """Whether the outline of a body is a circle, or a ball, about the origin of its pose."""
+    points, _ = around.outline(body)(np.arange(0.5, PLACES) / PLACES)
+    away = np.linalg.norm(points, axis=1)
+    return bool(np.ptp(away) <= ROUND * away.max())
+
+
+def wedge(ways: Reals, along: Reals) -> Reals:
+    """How far ways (..., d) lead off directions (..., d) of length 1."""
+    if ways.shape[-1] == 2:
+        return np.abs(ways[..., 0] * along[..., 1] - ways[..., 1] * along[..., 0])
+    return np.asarray(np.linalg.norm(np.cross(ways, along), axis=-1))

@@ -1,0 +1,1 @@
+"""Fingers that joints lead: chains of joints, and the joints with which one touches."""

@@ -1,0 +1,91 @@
+"""Joints with which an arm touches an object at a point, by damped least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.planning.modes.joints.chains import Chain
+from rungwise.world.carriers import Surroundings, frame_of
+
+BEGUN = (0.25, 0.75, 0.5)
+"""Parts of the ranges of joints from which places of arms are sought; of every other joint, what is left."""
+REACHES, LEAP, DAMPED = 30, 0.3, 0.02
+"""Steps of damped least squares; the greatest change of a hinge in one, in radians; damping, in parts
+of the size."""
+STILL = 1e-7
+"""Change of joints in a step below which they go no farther."""
+EXACT = 1e-3
+"""Gap, in parts of those that count as closed, that is left where an arm touches."""
+AHEAD, MIDDLE = 0.2, 60
+"""How far before a point, in parts of the size, an arm in space is led at first; and places on its last body
+whose mean is its middle."""
+
+
+class Reach(NamedTuple):
+    """What an arm is to touch: the scene's contact, 1 where the arm is its first body, else -1; the arm's
+    body; the point (d,) of the object and the outward normal (d,) there; the object's size, and a gap that
+    is none."""
+
+    pair: int
+    sign: float
+    body: int
+    point: Reals
+    normal: Reals
+    size: float
+    exact: float
+
+
+def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
+    """Places (n,) with an arm that touches an object at a point, or elsewhere on the line along the normal:
+    damped least squares on its joints (Nakamura and Hanafusa 1986), from where they are and from others."""
+    low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
+    odd = np.arange(len(low)) % 2
+    others = BEGUN if arm.hinges.any() else ()
+    begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in others)]
+    for joints in begun:
+        found, off = arm.posed(q, joints), np.full(1, np.inf)
+        if len(wanted.point) == 3:
+            found = _led(around, arm, found, wanted)
+        for _ in range(REACHES):
+            near = around.near(found, wanted.pair)
+            off = np.array([near.gap, *near.across @ (near.point - wanted.point)])
+            if np.abs(off).max() < EXACT * wanted.exact:
+                break
+            own = near.rows[:, arm.columns] @ arm.rates(found)
+            own[1:] *= wanted.sign
+            before, found = found, _stepped(arm, found, own, -off, wanted.size)
+            if np.abs(found - before).max() < STILL:
+                break
+        if np.abs(off).max() < wanted.exact:
+            yield found
+
+
+def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
+    """The place (n,) with the middle of an arm's last body before the point that it is to touch, as near as
+    its joints bring it."""
+    middle, _ = around.outline(wanted.body)(np.arange(0.5, MIDDLE) / MIDDLE)
+    tip = middle.mean(axis=0)
+    far = float(np.linalg.norm(middle - tip, axis=1).max()) + AHEAD * wanted.size
+    goal, basis = wanted.point + far * wanted.normal, np.eye(3)
+    for _ in range(REACHES):
+        centre, turn = frame_of(around.poses(q)[wanted.body])
+        off = goal - centre - turn @ tip
+        if np.linalg.norm(off) < AHEAD * wanted.size:
+            break
+        slope = around.rows(q, wanted.body, np.repeat(tip[None], 3, axis=0), basis)[:, 0]
+        before, q = q, _stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size)
+        if np.abs(q - before).max() < STILL:
+            break
+    return q
+
+
+def _stepped(arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float) -> Reals:
+    """The place (n,) after a damped step of the joints, of which none goes far."""
+    low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
+    step = slope.T @ np.linalg.solve(slope @ slope.T + (DAMPED * size) ** 2 * np.eye(len(wanted)), wanted)
+    largest = float(np.abs(step[arm.hinges]).max(initial=0.0))
+    return arm.posed(q, np.clip(arm.joints(q) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high))

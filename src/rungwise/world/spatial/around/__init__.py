@@ -1,0 +1,1 @@
+"""What touches what in a scene in space, and places on the surfaces of its bodies."""

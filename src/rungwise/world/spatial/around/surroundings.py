@@ -1,0 +1,243 @@
+"""What touches what in a scene in space, and the forces that act there (see
+`world.carriers.Surroundings`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.scene.space import SpaceScene
+from rungwise.scene.space.laws import touching_pairs
+from rungwise.simulation.spatial.prepared import Prepared
+from rungwise.system.spatial.drives import BALL, FREE
+from rungwise.world.carriers import Near, Outline, Surfaces, Touches
+from rungwise.world.spatial.around.surface import surface
+
+CELLS = 1.0 / 3.0
+"""A contact keeps its number while it is in the same cell of a geom: beyond this part of its half width on
+either side, or between, along each axis."""
+ALONG, MOST = 1e-3, 4
+"""How far normals may differ of contacts of one pair of bodies of which only those farthest apart are kept;
+and how many these are."""
+
+
+class SpatialSurroundings:
+    """See `Surroundings`. Servos are known by the joints that they lead (`Driven`), so that `stiffness` is 0
+    here."""
+
+    dimension = 3
+
+    def __init__(self, scene: SpaceScene, parameters: Mapping[str, float]) -> None:
+        import mujoco
+
+        self._mujoco = mujoco
+        _, self._space = Prepared.of(scene, scene.parameters(parameters))
+        m = self._model = self._space.model
+        self._data = mujoco.MjData(m)
+        self._bodies = len(scene.template.bodies)
+        self.stiffness, self.limit = np.zeros(m.nv), np.full(m.nv, math.inf)
+        self.owners = m.dof_bodyid.astype(np.int64)
+        self.placed = np.zeros(m.nq, np.int64)
+        for j in range(m.njnt):
+            width = {FREE: 7, BALL: 4}.get(int(m.jnt_type[j]), 1)
+            self.placed[m.jnt_qposadr[j] : m.jnt_qposadr[j] + width] = m.jnt_bodyid[j]
+        names = list(scene.template.bodies)
+        pairs = [(names.index(a), names.index(b)) for a, b in scene.template.contacts]
+        self._pairs = {}
+        for k, (a, b) in enumerate(pairs):
+            self._pairs[a, b], self._pairs[b, a] = (k, 1.0), (k, -1.0)
+        self._first = [a for a, _ in pairs]
+        self._geoms: list[list[tuple[int, int]]] = [[] for _ in pairs]
+        for g, h in touching_pairs(m).tolist():
+            both = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
+            if both in self._pairs:
+                self._geoms[self._pairs[both][0]].append((g, h))
+        self._far = 10.0 * float(m.stat.extent)
+        self._outlines: dict[int, Outline] = {}
+
+    def touches(self, q: Reals, within: float) -> Touches:
+        space, m = self._space, self._model
+        if space.margin < within or space.margin > 4.0 * within:
+            space.look_within(min(2.0 * within, space.size.farthest))
+        space.least_gap(q)
+        d = space.data
+        jacobian = np.zeros((d.nefc, m.nv))
+        if d.nefc:
+            self._mujoco.mju_sparse2dense(jacobian, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
+        least = np.full(len(self._first), space.margin)
+        kept, contact = list[int](), d.contact
+        bodies = m.geom_bodyid[contact.geom].reshape(-1, 2).tolist()
+        ids, signs = np.full(d.ncon, -1), np.ones(d.ncon)
+        for c, (gap, both, row) in enumerate(
+            zip(contact.dist.tolist(), bodies, contact.efc_address.tolist(), strict=True)
+        ):
+            found = self._pairs.get((both[0], both[1]))
+            if found is None or row < 0:
+                continue
+            ids[c], signs[c] = found
+            least[found[0]] = min(least[found[0]], gap)
+            if gap < within:
+                kept.append(c)
+        rows = np.zeros((len(kept), 3, m.nv))
+        for k, c in enumerate(kept):
+            width, row = min(int(contact.dim[c]), 3), int(contact.efc_address[c])
+            rows[k, :width] = jacobian[row : row + width]
+        normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
+        points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
+        some = _spread(owners, points, normals)
+        picked = np.array(kept, np.int64)[some]
+        return Touches(
+            pairs=owners[some], features=self._features(picked), gaps=contact.dist[picked].copy(),
+            points=points[some].copy(), normals=normals[some], rows=rows[some],
+            friction=np.array([self._friction(int(c)) for c in picked]), least=least,
+            poses=np.hstack([d.xpos, d.xquat]), loads=self._loads(d),
+            supports=Surfaces(np.zeros((0, m.nv)), np.zeros(0)),
+        )  # fmt: skip
+
+    def _features(self, contacts: Ints) -> Ints:
+        """Numbers (k,) of contacts: of their two geoms, and of the cell of one of them in which they are."""
+        d, m, found = self._space.data, self._model, np.zeros(len(contacts), np.int64)
+        for k, c in enumerate(contacts.tolist()):
+            g, h = d.contact.geom[c].tolist()
+            own = h if m.body_weldid[m.geom_bodyid[g]] == 0 else g
+            turn = d.geom_xmat[own].reshape(3, 3)
+            half = np.where(m.geom_aabb[own, 3:] > 0.0, m.geom_aabb[own, 3:], 1.0)
+            at = ((d.contact.pos[c] - d.geom_xpos[own]) @ turn - m.geom_aabb[own, :3]) / half
+            cell = (at > CELLS).astype(np.int64) - (at < -CELLS)
+            found[k] = (g * m.ngeom + h) * 27 + int((cell + 1) @ (1, 3, 9))
+        return found
+
+    def _friction(self, c: int) -> float:
+        """Sliding friction of a contact: of its law, else the model's."""
+        contact, laws = self._space.data.contact, self._space.laws
+        if contact.dim[c] < 3:
+            return 0.0
+        own = laws.rows[laws.law[tuple(contact.geom[c])], 5]
+        return float(contact.friction[c, 0] if math.isnan(own) else own)
+
+    def near(self, q: Reals, pair: int) -> Near:
+        m, d = self._model, self._placed(q)
+        gap, ends, geoms = math.inf, np.zeros(6), (0, 0)
+        for g, h in self._geoms[pair]:
+            own = np.zeros(6)
+            apart = self._mujoco.mj_geomDistance(m, d, g, h, self._far, own)
+            if apart < gap:
+                gap, ends, geoms = apart, own, (g, h)
+        if m.geom_bodyid[geoms[0]] != self._first[pair]:
+            geoms, ends = geoms[::-1], ends[[3, 4, 5, 0, 1, 2]]
+        normal = ends[:3] - ends[3:]
+        length = float(np.linalg.norm(normal))
+        if length < 1e-9 * self._far:
+            normal, length = d.geom_xpos[geoms[0]] - d.geom_xpos[geoms[1]], 1.0
+            gap = max(gap, 0.0)
+        normal = normal * (1.0 if gap >= 0.0 else -1.0) / float(np.linalg.norm(normal))
+        both = [self._slope(d, end, int(m.geom_bodyid[g])) for end, g in zip(
+            (ends[:3], ends[3:]), geoms, strict=True
+        )]  # fmt: skip
+        beside = np.array(across(normal))
+        rows = np.vstack([normal, beside]) @ (both[0] - both[1])
+        law = float(self._space.laws.rows[self._space.laws.law[geoms[0], geoms[1]], 5])
+        slides = float(m.geom_friction[list(geoms), 0].max())
+        return Near(float(gap), ends[:3].copy(), normal, beside, rows, slides if math.isnan(law) else law)
+
+    def _slope(self, d: object, point: Reals, body: int) -> Reals:
+        """How velocities move a point (3,) of a body (3, n_v)."""
+        found = np.zeros((3, self._model.nv))
+        self._mujoco.mj_jac(self._model, d, found, None, point, body)
+        return found
+
+    def least(self, q: Reals, pairs: Ints) -> Reals:
+        m, d, found = self._model, self._placed(q), np.full(len(pairs), self._far)
+        for k, pair in enumerate(pairs):
+            for g, h in self._geoms[pair]:
+                apart = self._mujoco.mj_geomDistance(m, d, g, h, float(found[k]), None)
+                found[k] = min(found[k], apart)
+        return found
+
+    def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
+        d = self._placed(q)
+        arms, slope, turning = points @ d.xmat[body].reshape(3, 3).T, *np.zeros((2, 3, self._model.nv))
+        self._mujoco.mj_jac(self._model, d, slope, turning, d.xpos[body], body)
+        crossed = np.zeros((len(points), 3, 3))
+        for i, j, k, sign in ((0, 1, 2, -1.0), (1, 2, 0, -1.0), (2, 0, 1, -1.0)):
+            crossed[:, i, j], crossed[:, j, i] = sign * arms[:, k], -sign * arms[:, k]
+        ways = np.array([(normal, *across(normal)) for normal in normals])
+        return np.asarray(ways @ (slope - crossed @ turning))
+
+    def changed(self, q: Reals, change: Reals) -> Reals:
+        found = q.copy()
+        self._mujoco.mj_integratePos(self._model, found, np.ascontiguousarray(change), 1.0)
+        return found
+
+    def change(self, q: Reals, to: Reals) -> Reals:
+        found = np.zeros(self._model.nv)
+        self._mujoco.mj_differentiatePos(self._model, found, 1.0, q, to)
+        return found
+
+    def loads(self, q: Reals) -> Reals:
+        return self._loads(self._placed(q))
+
+    def poses(self, q: Reals) -> Reals:
+        d = self._placed(q)
+        return np.hstack([d.xpos, d.xquat])
+
+    def outline(self, body: int) -> Outline:
+        if body not in self._outlines:
+            self._outlines[body] = surface(self._model, body)
+        return self._outlines[body]
+
+    def _placed(self, q: Reals):  # type: ignore[no-untyped-def]
+        """MuJoCo's data at a place (n_q,)."""
+        d = self._data
+        if not np.array_equal(d.qpos, q) or not d.xpos.any():
+            d.qpos[:] = q
+            self._mujoco.mj_kinematics(self._model, d)
+            self._mujoco.mj_comPos(self._model, d)
+        return d
+
+    def _loads(self, d) -> Reals:  # type: ignore[no-untyped-def]
+        """Weight, springs, and what carries weight (n_v,), at the data's places."""
+        found = np.zeros(self._model.nv)
+        d.qvel[:] = 0.0
+        self._mujoco.mj_comVel(self._model, d)
+        self._mujoco.mj_rne(self._model, d, 0, found)
+        self._mujoco.mj_passive(self._model, d)
+        return np.asarray(d.qfrc_spring + d.qfrc_gravcomp - found)
+
+
+def across(normal: Reals) -> tuple[Reals, Reals]:
+    """Two directions (3,) across a normal (3,) and each other."""
+    x, y, z = normal.tolist()
+    if abs(x) <= min(abs(y), abs(z)):
+        one = 0.0, z, -y
+    elif abs(y) <= abs(z):
+        one = -z, 0.0, x
+    else:
+        one = y, -x, 0.0
+    length = math.sqrt(one[0] ** 2 + one[1] ** 2 + one[2] ** 2)
+    a, b, c = one[0] / length, one[1] / length, one[2] / length
+    return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])
+
+
+def _spread(pairs: Ints, points: Reals, normals: Reals) -> Ints:
+    """Of contacts (k,), at most so many of one pair of bodies with the same normal: those farthest apart."""
+    kept, left = list[int](), list(range(len(pairs)))
+    while left:
+        first = left[0]
+        alike = [
+            k for k in left
+            if pairs[k] == pairs[first] and float(np.abs(normals[k] - normals[first]).max()) < ALONG
+        ]  # fmt: skip
+        left = [k for k in left if k not in alike]
+        if len(alike) > MOST:
+            middle = points[alike].mean(axis=0)
+            picked = [int(np.linalg.norm(points[alike] - middle, axis=1).argmax())]
+            while len(picked) < MOST:
+                away = np.linalg.norm(points[alike][:, None] - points[alike][picked], axis=2).min(axis=1)
+                picked.append(int(away.argmax()))
+            alike = [alike[k] for k in sorted(picked)]
+        kept += alike
+    return np.array(sorted(kept), np.int64)
