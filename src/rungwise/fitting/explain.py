@@ -155,8 +155,8 @@ def explain(
     keep_interrupted: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
 ) -> Explanation:
-    """Fit every rung on a part of the trials and score it on the others: which one explains the motions, and
-    where the simpler ones fail.
+    """Fit every rung on a part of the trials and score it on the others. The answer says which rung explains
+    the motions, and where simpler ones fail.
 
     Args:
         models: rungs; all that move if not given.

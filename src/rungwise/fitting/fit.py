@@ -39,7 +39,7 @@ def fit(
     keep_interrupted: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
 ) -> Fit:
-    """The parameters `over` under which runs of a scene on a rung come nearest to measured motions.
+    """Find the parameters `over` with which runs of a scene on a rung come nearest to measured motions.
 
     Runs begin at measured states and last `span`; their errors are weighed by the deviation of the
     measurement and by what it makes of the start (`rungwise.fitting.weights`), with a robust loss. The whole

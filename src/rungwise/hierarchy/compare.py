@@ -53,8 +53,8 @@ def compare(
     Args:
         scene, parameters: as for `simulate`.
         model: only pairs with this rung; all if not given.
-        samples: how many inputs are drawn, besides the scene's own, from `seed`.
-        accuracy: within which motions count as alike, as a part of the scene's extent.
+        samples: number of inputs that are drawn with `seed`, in addition to the scene's own.
+        accuracy: greatest distance of motions that count as alike, as a part of the scene's extent.
         duration: end of the runs; if not given, each ends when the last rung has come to an end, at the
             scene's duration at the latest.
         threads: how many, in space processes; as many as there are cores if not given. The results do not

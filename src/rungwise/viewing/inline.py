@@ -38,9 +38,9 @@ class PictureError(InputError):
 
 @keywords
 def plot(result: Shown, *, frames: int = 6, limit: float | None = None) -> Figure:
-    """The obvious picture of a `result`: `frames` frames of a run or of a plan's run, slices of a set over
-    its first two axes, or how far the values of a design may drift. A plan's run is made for it, for at most
-    `limit` seconds: the picture shows it as far as it has come, and calls it `running`.
+    """Draw a `result`: `frames` frames of a run or of a plan's run, slices of a set over its first two axes,
+    or how far the values of a design may drift. A plan is run for the picture, for at most `limit` seconds;
+    if they are not enough, the picture shows the run so far and calls it `running`.
 
     Raises PictureError where there is nothing to draw, or matplotlib is missing.
     """
@@ -79,8 +79,8 @@ def _strip(run: AnyRun, frames: int) -> Figure:
 
 @keywords
 def to_html(result: Run | Plan | FeasibleSet | DoomedSet, *, limit: float | None = None) -> str:
-    """A small table of a `result` and, below it, the animation of a run or the slices of a set, as a part of
-    a page. `limit` as for `plot`.
+    """A fragment of HTML: a small table of a `result`, and below it the animation of a run or the slices of a
+    set. `limit` as for `plot`.
 
     Raises PictureError for anything else."""
     limit = seconds(limit)

@@ -48,8 +48,8 @@ def view(
         png: a strip of `frames` pictures, or the one at time `at`; of sets, slices, and where they
             differ (needs the extra `view`).
         gif: a short animation (needs the extra `view`); not of sets.
-        limit: seconds for the runs that are made for it. Those of plans are shown as far as they have come,
-            and called `running`; of sets fewer runs are shown.
+        limit: seconds for the runs that the pictures need. An unfinished run of a plan is shown so far,
+            and called `running`; pages of sets show fewer runs.
 
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.

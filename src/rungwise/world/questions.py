@@ -81,13 +81,12 @@ def ask(
     *,
     limit: float | None = None,
 ) -> Answers:
-    """Whether a condition holds at states of a scene, at these `parameters`.
+    """Tell whether a condition holds at states of a scene, at these `parameters`, and by what margin.
 
-    `condition` is "goal", "unsafe" or "doomed" of the scene, or the text of a condition in its names. Forces
-    and impulses are those that a state's run read there; without a run they are 0. What must hold for a time
-    (`... for 0.2`) has held for as long as a state's own run saw it, and for none at other states. Raises
-    SceneError and StateError for wrong input, and LimitError where `limit` seconds are over before all states
-    are looked at.
+    `condition` is "goal", "unsafe" or "doomed" of the scene, or the text of a condition in its names. A state
+    of a run keeps the forces and impulses of that run, and how long conditions with `for` have held; at other
+    states all of these are 0. Raises SceneError and StateError for wrong input, and LimitError if `limit`
+    seconds are over before all states are examined.
     """
     deadline = Deadline(seconds(limit))
     with deadline.needed_for(ALL):
@@ -102,10 +101,11 @@ def geometry(
     *,
     limit: float | None = None,
 ) -> Geometry:
-    """Gaps, collisions and poses of a scene at states, at these `parameters`: the question of the geometric
-    rung. Raises SceneError and
-    StateError for wrong input, and LimitError where `limit` seconds are over before all states are looked
-    at."""
+    """Compute gaps, collisions and poses of a scene at states, at these `parameters`, without any run.
+
+    Raises SceneError and StateError for wrong input, and LimitError if `limit` seconds are over before all
+    states are examined.
+    """
     deadline = Deadline(seconds(limit))
     with deadline.needed_for(ALL):
         return Question(load(scene), None, parameters).geometry(states, deadline)

@@ -81,13 +81,14 @@ def rollout(
     limit: float | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Rolled:
-    """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
+    """Make m runs, each with its own start, and its own inputs in s segments, on compiled threads. The
+    bytes do not depend on `threads`.
 
     Args:
-        scene, model, step, tol, theta, motion: as for `simulate`, but that steps are error-controlled if
-            `tol` is not None.
-        states: one state or m; or places (m, n), or places and velocities (m, 2 n), at t = 0; the scene's
-            start if not given. States of runs go on as `simulate(..., state=)` does.
+        scene, model, step, tol, theta, motion: as for `simulate`, except that steps are error-controlled
+            unless `tol` is None.
+        states: one state or m states; or positions (m, n), or positions and velocities (m, 2 n), at t = 0;
+            the scene's start if not given. A state of a run continues as in `simulate(..., state=)`.
         inputs: values (m, s, u) of the scene's inputs, or (s, u) for all samples, or a mapping of names to
             values (m, s), (s,) or a number; inputs not named stay as they are.
         durations: of segments, (m, s), (s,), or a number for all; 0 skips one. The runs end with the last.
@@ -99,13 +100,13 @@ def rollout(
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
         chunk: how many runs a thread takes at a time; it changes nothing but speed.
         threads: how many; as many as there are cores if not given.
-        limit: seconds after which runs that still go on are left as far as they have come, also from within a
-            step: their outcome is `running`. Those that had not begun have places of nan.
+        limit: seconds after which unfinished runs are interrupted, also from within a step: their outcome is
+            `running`, and they are kept so far. Runs that had not begun have positions of nan.
         on_progress: called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
 
-    Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
-    values of a sample make it `invalid`, with a line in `faults`, and the others go on. What is given for one
-    sample, also as an array of one row, serves all m."""
+    Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options. A wrong
+    value makes its sample `invalid`, with a line in `faults`; the other samples run. A value for one sample,
+    also an array of one row, is used for all m."""
     deadline = Deadline(seconds(limit))
     scene, rung = load(scene), moving_rung(model)
     wanted = asked(scene, states, inputs, durations, until, ramp, parameters)

@@ -130,17 +130,17 @@ def simulate(
     limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> AnyRun:
-    """Run `scene`, or what `load` makes of it, on `model` to its outcome. Returns a `Run`, of a scene in
-    space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
+    """Run `scene`, or a source that `load` takes, on `model` to its outcome. Returns a `Run`, or a `SpaceRun`
+    for a scene in space. Raises SceneError or ModelError for wrong input.
 
     Args:
         parameters: values by name; the scene's defaults for all others.
-        step: length of a fixed step, or tol: error allowed per step, whose lengths are then chosen; the
-            scene's own step if neither is given.
+        step: length of fixed steps; or tol: error allowed per step, which then chooses the lengths. If
+            neither is given, steps have the scene's own length.
         duration: end of the run, in the scene's time; span: the time of which a tenth is the longest step.
         theta: of the theta rule, 1/2 to 1, on the dynamic compliant rung.
-        motion: preferred velocities by coordinate, where the model admits several motions.
-        state: where to begin; inputs: a schedule of segments (see `Segment`).
+        motion: preferred velocities by coordinate, if the model admits several motions.
+        state: at which the run begins; inputs: a schedule of segments (see `Segment`).
         control: in place of a schedule, a function that is given an `Observation` and returns the inputs that
             the run holds next: values by name, an array (u,), or None, which leaves them; rate: how often it
             is asked in a unit of the scene's time. The run goes on to `duration`; its `inputs` say what it
@@ -148,12 +148,12 @@ def simulate(
         frames: most states that are recorded, every `stride` steps.
         save_hard: folder for the problems of hard steps.
 
-    `RunOptions` says more of each.
+    `RunOptions` describes each option in full.
 
-    After `limit` seconds the run is returned as far as it has come, also from within a long step or the
-    search for a proof: its outcome is `running`, and its reason says where. `on_progress` is called about ten
-    times a second, after whole steps. Ctrl-C raises KeyboardInterrupt within the same time, but for a step or
-    a proof that takes longer.
+    After `limit` seconds the run so far is returned, also from within a long step or the
+    search for a proof. Its outcome is `running`, and its reason names the interrupted work. `on_progress` is
+    called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt after the present step
+    or proof.
     """
     deadline = Deadline(seconds(limit))
     simulation = simulation_of(

@@ -188,22 +188,22 @@ def design(
     threads: int | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Design:
-    """The parameters with which the scene succeeds best.
+    """Choose parameters with which the scene succeeds, as far from failure as possible.
 
     Up to four parameters are taken from the middle of their feasible set: the point farthest from its
-    boundary and from the sides of the box. With `robust`, and for more parameters, a search goes on from
-    there, for the greatest rate of success under what the task calls uncertain, then the greatest margin of
-    the worst tenth.
+    boundary and from the sides of the box. With `robust`, and for more parameters, a search continues from
+    there. It maximizes the rate of success under the uncertainty of the task, then the margin of the worst
+    tenth of the samples.
 
     Args:
         scene, model, parameters: as for `simulate`.
-        from_: rung of which on designs are searched, rung after rung up to the model; each search starts at
-            the design of the one before, and the set is left out.
+        from_: rung on which the search begins; it climbs rung after rung up to the model. Each search starts
+            at the design of the rung before, and the feasible set is left out.
         over: names of the parameters to choose.
         box: interval (low, high) by name, as for `feasible_set`.
-        robust: draw what the scene's task calls uncertain.
-        samples: fresh runs that confirm a robust design; without uncertainty one run is all there is.
-        draws: samples of what is uncertain with which the search tries each design.
+        robust: vary the parameters that the scene's task calls uncertain.
+        samples: number of fresh runs that confirm a robust design; without uncertainty there is one run.
+        draws: number of uncertain samples with which the search tries each design.
         tol: of the set, as for `feasible_set`.
         accuracy: error allowed per step of a run.
         budget: greatest number of runs; limit: seconds after which the call returns with the best design so

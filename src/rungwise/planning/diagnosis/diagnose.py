@@ -147,15 +147,15 @@ def diagnose(
     limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> Diagnosis:
-    """Why the motion of a scene under these inputs differs between two rungs, two sets of parameters, or two
-    accuracies.
+    """Explain why a scene moves differently on two rungs, at two sets of parameters, or at two accuracies.
 
-    `other_parameters` and `other_tol` belong to `after`, and are the same as before if not given; `tol` is
-    the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten
-    times a second with the run that is made. After `limit` seconds the changes that were tried count, and
-    `unfinished` says that there are others.
+    Both runs have the same inputs. The first one is on the rung `before`, the second one on `after`, with
+    `other_parameters` and `other_tol`, which are those of the first if not given. `tol` is the error allowed
+    per step (default: 1e-4 of the size of objects). `on_progress` is called about ten times a second with a
+    line on the present run. After `limit` seconds the answer rests on the changes tried so far, and
+    `unfinished` says so.
 
-    Raises SceneError for wrong input, and LimitError where the limit is over before both motions are known.
+    Raises SceneError for wrong input, and LimitError if the limit is over before both motions are known.
     """
     watch = Watch(on_progress, Deadline(seconds(limit)))
     with watch.deadline.needed_for("the motions on both rungs were known"):

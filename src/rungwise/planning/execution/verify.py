@@ -159,15 +159,15 @@ def verify(
     cluster: str | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Verification:
-    """Run the plan with starts, parameters and errors of inputs that the task's `uncertain` draws; once, as
-    it is, where this names nothing.
+    """Measure how often the plan succeeds: run it with starts, parameters and errors of inputs drawn from the
+    task's `uncertain`, or once if this names nothing.
 
     Args:
         model, tol: those of the plan's last stage if not given.
         mode: "open loop"; "guarded moves": a move ends at the touch of a robot and an object; "re-planning":
             after each move the actual state is read, and the rest planned anew with the plan's own
             parameters. The plan's own mode if not given.
-        rate: samples that are planned anew end as soon as the bound of success can no longer reach it.
+        rate: with re-planning, sampling ends as soon as the bound of success can no longer reach this rate.
         limit: seconds after which the call returns with the samples that were run; see `unfinished`.
         seed: of the samples; threads: as many as there are cores if not given.
         cluster: address of a dask scheduler whose workers execute instead of threads.

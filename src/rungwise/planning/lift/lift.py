@@ -69,7 +69,7 @@ def plan(
     threads: int | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Plan:
-    """Plan the task of a scene, on one model after the other.
+    """Plan the task of a scene, from a cheap model to a rich one.
 
     Args:
         scene: with a task, an inputs field and a goal.
@@ -80,23 +80,24 @@ def plan(
         budget: simulated steps, refused ones included, that searches may spend (a step of a tree of contact
             modes counts as three), without bound if None; limit: seconds after which the call returns
             with what it has found.
-        improve: simulated steps that are spent on plans of less cost once there is one.
-        robust: rate of success, of which the plan must keep a lower bound (95 %) in so many `samples` of
-            what the task calls uncertain: open loop, with guarded moves, or re-planning, whichever suffices
-            first; `Plan.mode` says which, `Plan.checks` how each went.
-        seed: of the searches; the same seed gives the same plan whatever the threads.
-        initial: a plan, or segments of a schedule, to begin with in place of a search on the first stage:
-            replayed there as it is, then repaired. Where robots are led through free space, segments that
-            miss are led on from their end, or from half of them on. Or poses (n, 3), x, y and angle, of the
-            object on its way, which searches by contact modes follow.
-        on_progress: called with a line on what is done now, about ten times a second. Ctrl-C ends the search
-            and keeps the plan of the last stage that was finished, with a reason; it is raised again where
-            there is none.
+        improve: simulated steps that are spent on reducing the cost of a plan that was found.
+        robust: rate of success that the plan must reach: the lower bound (95 %) from this number of
+            `samples` under the uncertainty of the task. Modes of execution are tried in the order open loop,
+            guarded moves, re-planning, until one suffices; `Plan.mode` names it, and `Plan.checks` has the
+            results of each.
+        seed: of the searches; the same seed gives the same plan for any number of threads.
+        initial: a plan, or segments of a schedule, with which to begin instead of a search on the first
+            stage. It is replayed, and repaired if it misses. If robots go through free space, segments that
+            miss are continued from their end, or from a half of them on. Or an array of poses (n, 3) (x, y,
+            angle) of the object, which searches by contact modes follow.
+        on_progress: called with a line on the present work, about ten times a second. Ctrl-C ends the search
+            and keeps the plan of the last finished stage, with a reason; without such a plan it raises
+            KeyboardInterrupt.
 
-    Stages on which nothing was found are left out; the first plan of a later stage is replayed on them, and
+    Stages on which nothing was found are left out. The first plan of a later stage is replayed on them, and
     the diagnosis says why it fails there.
 
-    Returns a plan; where none was found, `found` is false and `reason` says what is known. Raises SceneError
+    Returns a plan; if none was found, `found` is false and `reason` explains it. Raises SceneError
     for a wrong scene, TaskError for a task that cannot be planned or a wrong `initial`, StageError for a
     wrong schedule, PlannerMissing where ways through free space need OMPL, which is not installed.
     """

@@ -185,7 +185,7 @@ def doomed_set(
         scene, model: as for `simulate`; a rung with rigid contact.
         over: 1 to 4 names of the scene's state: all its coordinates ("part.x3", or "x3" where that is clear)
             and, on dynamic rungs, the speeds of coordinates not prescribed ("speed(part.x3)"). In space some
-            of them: all else must stay where the scene starts, which every run is asked.
+            of them are enough if all others stay where the scene starts, which every run checks.
         inputs: bounds of the parameters that may change in time, for example speeds of drives.
         box: interval of each state by name; travel limits where not given.
         cells: along each axis; `CELLS` if not given.
@@ -193,7 +193,7 @@ def doomed_set(
         solutions: "slowest", or, on the kinematic rung, "any": objects that nothing drives move in every way
             without overlap.
         strides: macro-steps, in cells that the fastest coordinate moves.
-        padding: how many cells around a cell serve to estimate how far motions differ within it.
+        padding: number of cells around a cell whose motions estimate how far motions differ within it.
         accuracy, threads: as for `feasible_set`.
         limit: seconds after which the call returns with the cells that whole rounds of macro-steps, of one
             length each, doom; see `unfinished`.

@@ -30,7 +30,7 @@ class Between:
 
 @keywords
 def between(cheap: FeasibleSet, rich: FeasibleSet, n: int = 200_000, seed: int = 3) -> Between:
-    """Compare the sets of a `cheap` and of a `rich` rung at n random points, drawn by `seed`. Raises SetError
+    """Compare the sets of a `cheap` and a `rich` rung at n random points, drawn by `seed`. Raises SetError
     when they are not over the same box."""
     if cheap.over != rich.over or not np.array_equal(cheap.box, rich.box):
         raise SetError("between: the sets must be over the same parameters and box")

@@ -211,10 +211,10 @@ def feasible_set(
     resume: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
 ) -> FeasibleSet:
-    """Where in a box of parameters the scene ends in its goal, and how it ends elsewhere.
+    """Find the points of a box of parameters at which the scene reaches its goal, and label all others.
 
     The number of runs grows like the surface between labels, not like the volume. A part thinner than a cell
-    of the first grid may be missed where no probe meets it: see `probes` and `hits` of the result.
+    of the first grid is missed if no random probe meets it: see `probes` and `hits` of the result.
 
     Args:
         scene, model: as for `simulate`.
@@ -223,18 +223,17 @@ def feasible_set(
             times as large, and as large as `tol` where the boundary is no plane.
         box: interval (low, high) by name; see `box_of` for parameters not given.
         parameters: values of the other parameters.
-        solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
-            motion tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
-        near: another rung's set over the same box: the boundary is looked for where the other set has it, and
-            followed from there. Elsewhere its labels stand, until a probe finds another label.
+        solutions: if the model admits several motions: the slowest one must reach the goal ("slowest"), or
+            some motion ("possible"), or every motion tried ("guaranteed"); see `rungwise.sets.motions`.
+        near: another rung's set over the same box. The search begins at its boundary and follows it from
+            there. Elsewhere its labels are used until a probe finds another label.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
-        budget: greatest number of runs; limit: seconds after which the call returns with the cells that are
-            known, also from within a long step, and the set is not `complete`.
+        budget: greatest number of runs; limit: seconds after which the call returns with the cells known so
+            far, also from within a long step, and the set is not `complete`.
         threads: as many as there are cores if not given. The set does not depend on it.
         cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
-        out: folder where batches are kept, those that a limit ended with the runs that were done, and in the
-            end the set.
+        out: folder for the finished batches of runs, also of a batch that a limit ended, and for the set.
         seed: of the random probes.
         resume: go on from the batches kept in `out`.
         on_progress: called with the present task, runs so far, and runs asked for so far.

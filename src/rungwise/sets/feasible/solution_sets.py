@@ -49,8 +49,8 @@ def solution_sets(
     resume: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
 ) -> SolutionSets:
-    """The sets of a model by the slowest, by some and by all its motions, on the same box; a folder each in
-    `out`.
+    """Compute three sets of a model over one box: by its slowest motion, by some motion, and by all motions.
+    Each gets a folder in `out`.
 
     Args:
         scene, model, over, tol, box, parameters: as for `feasible_set`, and so are the errors.

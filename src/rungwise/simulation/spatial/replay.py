@@ -108,12 +108,12 @@ class Replay:
 def replay(
     run: SpaceRun, *, in_: str = "mujoco", step: float | None = None, limit: float | None = None
 ) -> Replay:
-    """Give the inputs of a run to another simulator (`in_`: "mujoco"), from the same start, and compare the
-    motions at the run's frames. Velocities that the scene prescribes are set before each of the judge's
-    steps.
+    """Run another simulator (`in_`: "mujoco") from the start and with the inputs of a run, and compare the
+    motions at the run's frames. Prescribed velocities of the scene are set before each step of the other
+    simulator.
 
-    `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. After
-    `limit` seconds the motions are compared as far as the judge has come; see `unfinished`. Raises
+    `step` is the other simulator's (default: the model's own); solver, cone and integrator are the model's.
+    After `limit` seconds the motions are compared as far as it has come; see `unfinished`. Raises
     ReplayError for a planar run and for one that never began, ModelError for a step that is not positive.
     """
     deadline = Deadline(seconds(limit))

@@ -53,11 +53,10 @@ def draw_parting(
     """Draw the diagnosis `found` of a scene: both motions where they part, or at the time `at`, and where
     they are farthest apart.
 
-    The runs are made again, from the inputs and accuracies in the diagnosis, at the parameters for which it
-    was made: `parameters`, and `other_parameters` of the second run. The kind of file (png, svg, pdf) follows
-    from its ending. Raises ViewError where matplotlib is missing, the kind is unknown or the file cannot be
-    written, and LimitError where `limit` seconds are over before the runs are made: half of a motion is no
-    picture of where two part.
+    The runs are made again, with the inputs and accuracies of the diagnosis. `parameters` and
+    `other_parameters` are those for which it was made. The kind of file (png, svg, pdf) follows from its
+    ending. Raises ViewError if matplotlib is missing, the kind is unknown or the file cannot be written, and
+    LimitError if `limit` seconds are over before the runs are made.
     """
     watch = Watch(None, Deadline(seconds(limit)))
     needs_matplotlib("parting")
