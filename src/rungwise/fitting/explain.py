@@ -44,8 +44,8 @@ class Explained(NamedTuple):
 class Explanation(ByContent):
     """Rungs in the order of the ladder, with fits and scores on trials that were not fitted.
 
-    fitted, held_out: numbers of trials; known: the deviation of the measurement as the way of the farthest
-    point; unfinished: rungs that a limit left out, in words.
+    fitted, held_out: numbers of trials; known: the deviation of the measurement, as a displacement of the
+    farthest point; unfinished: rungs that a limit left out, in words.
     """
 
     scene: Any

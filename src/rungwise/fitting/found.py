@@ -34,12 +34,12 @@ class Fit(ByContent):
     """Parameters of a scene from motions, on a rung.
 
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
-    in the order of `over`; open: what the motions do not determine, by name, with a line on it; residuals: by
-    coordinate; phases: errors of short spans by what happens in them; misfit: loss of errors over what
-    measurement and starts make it (1 where they explain all), the median over trials; trials, spans, span:
-    how many, and how long; moved: by how much starts that overlap were moved at most, in lengths; ended: part
-    of the runs that came to the end of their span; loss: the robust loss; runs: how many were made;
-    unfinished: what a limit left undone, in words; wall_s.
+    in the order of `over`; open: parameters that the motions do not determine, by name, with a line on each;
+    residuals: by coordinate; phases: errors of short spans, by phase (flight, impact, sliding, rest); misfit:
+    loss of the errors divided by its value if measurement and starts were the only errors (then 1), median
+    over trials; trials, spans: their numbers; span: length of a span; moved: greatest length by which
+    overlapping starts were moved; ended: fraction of runs that reached the end of their span; loss: the
+    robust loss; runs: number of runs; unfinished: the work that a limit left undone, in words; wall_s.
     """
 
     measured_on: Any

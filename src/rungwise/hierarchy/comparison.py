@@ -170,11 +170,11 @@ class Comparison(ByContent):
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
     angles times the longest lever; in space, of its centre and of the tips of its axes. `inputs` and
-    `samples` (m, k): what was run, the scene's own inputs first; `until` (m,): when the last rung had come to
-    an end; `notes`: what was matched; `ends`: how each rung's runs ended (m,), and `errors` of its motions
-    (m,), infinite where none is known; `pairs`; `costs` of all stages, and `cheapest`, the one of fewest
-    solves within `accuracy` of the richest; `unfinished`: what a limit in seconds left undone, in words.
-    Where it ended the first runs, `until` is nan.
+    `samples` (m, k): names and values of the inputs, the scene's own first; `until` (m,): time at which the
+    last rung had come to its end, nan if a limit ended the first runs; `notes`: matched parameters; `ends`:
+    how the runs of each rung ended (m,); `errors` of its motions (m,), infinite if unknown; `pairs`; `costs`
+    of all stages, and `cheapest`, the stage of fewest solves within `accuracy` of the richest;
+    `unfinished`: the work that a limit in seconds left undone, in words.
     """
 
     scene: AnyScene
@@ -195,8 +195,7 @@ class Comparison(ByContent):
 
     @property
     def ok(self) -> bool:
-        """Whether the scene bears out what the paper's table says of each pair that was to be measured, and
-        nothing was left undone."""
+        """Whether all pairs of the scene agree with the paper's table, and nothing was left undone."""
         return not self.unfinished and all(
             each.verdict in (HOLDS, SAME) for each in self.pairs if each.pair.definition
         )

@@ -89,15 +89,14 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Plan(ByContent):
-    """A plan, or what is known where none was found.
+    """A plan, or the reason why there is none.
 
-    segments: the schedule; labels: what each of them is for ("transit", "push", "back", "hold"); moves
-    (k, d): the vectors behind it; waypoints: places (n,) at the ends of moves; stage: the rung and the
-    accuracy of the last stage on which it holds; tol: its error allowed per step, in the scene's unit;
-    cost: by the task; records: stage by stage; told: for each stage on which the plan before failed or
-    drifted, the diagnosis, or what makes it when `diagnosis` is asked for; checks: of the modes of execution
-    that were tried, where a rate of success was asked for;
-    `reason` says why there is no plan, else it is empty.
+    segments: the schedule; labels: the purpose of each segment ("transit", "push", "back", "hold"); moves
+    (k, d): the vectors of numbers that define the moves; waypoints: positions (n,) at the ends of moves;
+    stage: rung and accuracy of the last stage on which the plan holds; tol: error allowed per step there, in
+    the scene's unit; cost: by the task; records: results stage by stage; told: the diagnoses of stages on
+    which the plan failed or drifted, made when `diagnosis` is asked for; checks: results of the modes of
+    execution, if a rate of success was asked for; reason: why there is no plan, else empty.
     """
 
     scene: AnyScene
@@ -141,7 +140,7 @@ class Plan(ByContent):
         return GUARDED if any(segment.until for segment in self.segments) else OPEN_LOOP
 
     def how(self, stage: Stage) -> str:
-        """What came of a stage at last; empty where it was not tried."""
+        """The last result of a stage; empty if it was not tried."""
         return next((record.how for record in self.records if record.stage == str(stage)), "")
 
     @property

@@ -34,7 +34,7 @@ Reals = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SqueezeFunction(ByContent):
-    """What squeezes do to a part whose convex hull has these `vertices` (k, 2), given at the angle 0.
+    """The effect of a squeeze on a part whose convex hull has these `vertices` (k, 2), given at the angle 0.
 
     `flush` (m,) are the orientations in 0..pi at which an edge is flush with a jaw, and `spans` (m, 2) what
     leads, up to the next of them, from the vertex at one jaw to that at the other. `maxima` (n,) and `minima`

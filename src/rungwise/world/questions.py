@@ -34,14 +34,14 @@ SMALLEST = 5e-324
 
 @dataclass(frozen=True, eq=False)
 class Answers(ByContent):
-    """Whether a condition holds at states, and how clearly.
+    """Answers to a condition at m states: whether it holds, and by what margin.
 
-    holds (m,); margin (m,): at least 0 where the condition holds, the greatest or least of its terms as "or"
-    and "and" combine them, each over its scale; lack (m,): by how much the condition fails, 0 where it holds,
-    with the sum in place of the least; lacks (m, p): the same of each part that "and" joins. terms: the text
-    of each comparison (k); values (m, k): each comparison's own signed margin, in its own unit; units: their
-    dimensions ("length", "angle", ...); scales (k,): the scene's size for a length, 1 for an angle, its
-    duration for a time, and the speeds and forces that follow with the heaviest body.
+    holds (m,); margin (m,): at least 0 where the condition holds; each comparison is divided by its scale,
+    "and" takes the least and "or" the greatest; lack (m,): how much the condition fails, 0 where it holds,
+    with the sum instead of the least at "and"; lacks (m, p): the lack of each part that "and" joins. terms:
+    the text of each comparison (k); values (m, k): signed margin of each comparison, in its own unit; units:
+    their dimensions ("length", "angle", ...); scales (k,): the scene's size for a length, 1 for an angle, its
+    duration for a time, and speeds and forces made of these and the heaviest mass.
     """
 
     holds: NDArray[np.bool_]

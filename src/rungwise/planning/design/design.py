@@ -50,11 +50,11 @@ KEPT = 0.98
 class Design(ByContent):
     """Parameters with which a scene succeeds best, on a rung.
 
-    values: of the parameters designed, by name; box: the intervals searched; how: "in the middle of the set"
-    or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
-    drift: by name the interval in which success is kept while the others stay; successes of `samples` fresh
-    runs; runs: how many were made; outcomes: how they ended; earlier: what earlier rungs made of it, if they
-    were asked; unfinished: what a limit in seconds left undone, in words.
+    values: best values of the parameters, by name; box: the intervals searched; how: "in the middle of the
+    set" or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
+    drift: for each parameter the interval in which success is kept while the others stay; successes: number
+    of successes in `samples` fresh runs; runs: number of all runs; outcomes: how they ended; earlier: results
+    of earlier rungs, if there were any; unfinished: the work that a limit in seconds left undone, in words.
     """
 
     scene: AnyScene

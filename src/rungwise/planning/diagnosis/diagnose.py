@@ -58,13 +58,13 @@ _ALONE = Watch()
 class Diagnosis(ByContent):
     """Where two motions part, and why.
 
-    before, after: the rungs; causes: the ingredients of the least change that closes the gap, empty where
-    there is no difference; left: for each change that was tried, the part of the distance that it left;
-    time, body, distance: where motions part, and how far they are from each other at most until both runs
-    have ended; details: numbers for each cause (see `world.ingredients`); ends: how the first and the second
-    run ended, with the certificate that proves a jam or a missing support; outcome: that of the second;
-    inputs, tols: of the runs, the same inputs for both, and the error allowed per step in each; unfinished:
-    what a limit in seconds left undone, in words: another change, or a lesser one, may then be the cause.
+    before, after: the rungs; causes: the smallest set of ingredients whose exchange makes the motions equal,
+    empty if there is no difference; left: for each exchange that was tried, the part of the distance that
+    remained; time, body: when and for which body the motions part; distance: their greatest distance until
+    both runs have ended; details: numbers for each cause (see `world.ingredients`); ends: how each run ended,
+    with the certificate of a jam or a missing support; outcome: outcome of the second run; inputs: of both
+    runs; tols: error allowed per step in each; unfinished: the work that a limit in seconds left undone, in
+    words: another, or a smaller, set of ingredients may then be the cause.
     """
 
     before: str

@@ -62,13 +62,13 @@ class Sample(ByContent):
 
 @dataclass(frozen=True, eq=False)
 class Verification(ByContent):
-    """What came of n samples of a plan on a rung; of one, the plan as it is, where nothing is uncertain.
+    """Results of n samples of a plan on a rung; of one run if nothing is uncertain.
 
-    successes: of `samples`; lower: the one-sided Clopper-Pearson bound of the rate of success at 95 %, upper:
-    the bound from above; failures: outcomes and how often; causes: how many of the failures (the first ones,
-    `explained`) would succeed with a value as planned, by its name; worst: samples that failed, by margin;
-    mode: how the plan was executed; unfinished: what a limit in seconds left undone, in words. Samples that
-    ran when it was over count for nothing.
+    successes: number of successes in `samples`; lower: one-sided lower Clopper-Pearson bound of the rate of
+    success at 95 %; upper: the upper bound; failures: outcomes and their numbers; causes: for each uncertain
+    value, how many of the first `explained` failures would succeed if it were as planned; worst: failed
+    samples, sorted by margin; mode: how the plan was executed; unfinished: the work that a limit in seconds
+    left undone, in words. Samples unfinished at the limit do not count.
     """
 
     plan: Plan = field(repr=False)

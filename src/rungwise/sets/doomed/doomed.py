@@ -59,9 +59,9 @@ class DoomedSet(LabelledSet):
     """Labels (n1, ..., nd) of cells over a box of states: `DOOMED`; `INVALID` where every vertex about the
     cell is no state (bodies overlap); `UNKNOWN` otherwise.
 
-    `inputs` (k, 2) are the inputs' bounds, `steps` the macro-steps' lengths in time, `runs` their number,
-    `escapes` the part of the cells, invalid ones aside, from which the box may be left. `unfinished` says
-    what a limit in seconds left undone: cells that only macro-steps doom which were not all run are unknown.
+    `inputs` (k, 2) are the bounds of the inputs, `steps` the lengths of the macro-steps in time, `runs` the
+    number of runs, `escapes` the fraction of valid cells from which a motion may leave the box. `unfinished`
+    names the macro-steps that a limit in seconds left undone; cells that need them are unknown.
     """
 
     inputs: dict[str, tuple[float, float]]

@@ -69,7 +69,7 @@ class Certified:
 
 @dataclass(frozen=True, eq=False)
 class FeasibleSet(LabelledBox):
-    """Labels over a box of parameters, and what can be asked of them.
+    """A set of parameters: labels over a box, and questions about them.
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.cells.crossings`). `evaluations` counts
@@ -100,8 +100,8 @@ class FeasibleSet(LabelledBox):
 
     @keywords
     def replay(self, parameters: Mapping[str, float], *, limit: float | None = None) -> Run:
-        """The run at these parameters, repeated step by step; of several motions the one that decides. After
-        `limit` seconds the run that was being made, as far as it has come: `running`, it decides nothing."""
+        """The run at these parameters, repeated step by step; if there are several motions, the one that
+        decides the label. After `limit` seconds the unfinished run, whose outcome is `running`."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
         deadline = Deadline(seconds(limit))
         return decisive(self.scene, self.model, self.solutions, deadline, parameters=parameters, **options)
@@ -112,8 +112,8 @@ class FeasibleSet(LabelledBox):
         limit: float | None = None,
     ) -> Certified:  # fmt: skip
         """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson). After `limit`
-        seconds the points that were begun count; those that had not ended then count as wrong, for points
-        whose runs take long may be wrong more often."""
+        seconds the points whose runs had begun count, and unfinished ones count as wrong, because
+        points with long runs may be wrong more often."""
         deadline = Deadline(seconds(limit))
         if n < 1 or not 0.0 < delta < 1.0:
             raise SetError("certify: n must be at least 1, and delta lie in 0..1")
