@@ -266,7 +266,7 @@ def test_wrong_files(rungwise: Command, tmp_path: Path, scene_file: Callable[...
         (b"", "must be a mapping"),
         (b"a: [", "line 1"),
         (b"a: 1\na: 2", "given twice"),
-        (b"a: &x 1\nb: *x", "aliases"),
+        (b"a: &x [*x]", "aliases"),
     ):
         path = tmp_path / "wrong.yaml"
         path.write_bytes(content)

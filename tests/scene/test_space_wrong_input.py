@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 import rungwise as rw
 from rungwise import cli
 from rungwise.errors import InputError
 from rungwise.scene import SceneError
+from rungwise.scene.fields.fields import Parameter
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.options import ModelError
 
@@ -188,7 +190,6 @@ def test_features_without_counterpart_are_refused_and_named(tmp_path: Path, feat
         ("empty.xml", ""),
         ("other.xml", "<html/>"),
         ("unknown.xml", "<mujoco><worldbody><geom typ='box'/></worldbody></mujoco>"),
-        ("still.xml", "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"),
         ("heavy.xml", "<mujoco><worldbody><body><freejoint/></body></worldbody></mujoco>"),
         ("broken.urdf", "<robot name='r'><link name='a'>"),
         ("lost.urdf", "<robot name='r'><joint name='j' type='revolute'><parent link='a'/></joint></robot>"),
@@ -342,3 +343,67 @@ def test_states_and_schedules_of_another_scene_are_refused() -> None:
         rw.simulate(slope, rw.DYNAMIC_RIGID, state=state)
     with pytest.raises(rw.ScheduleError, match=r"inputs\.0\.inputs: unknown input 'mu'"):
         rw.simulate(ball, rw.DYNAMIC_RIGID, inputs=[{"inputs": {"mu": 1.0}, "duration": 1.0}])
+
+
+ODD = """<mujoco><worldbody><body name="l{0}1"><joint name="j{0}1"/><geom name="g{0}1" size=".1"/>
+<body name="l{0}2" pos="1 0 0"><joint name="k" type="slide"/><geom size=".1"/></body></body></worldbody>
+<actuator><position name="a{0}1" joint="j{0}1" kp="10"/></actuator></mujoco>"""
+"""A model whose names have another character than letters, digits and _."""
+
+
+@pytest.mark.parametrize("mark", [".", "/", "-", ":", " ", "é"])
+def test_names_of_the_model_are_told_as_labels(mark: str, tmp_path: Path) -> None:
+    """Wherever a scene writes the model's own name, the error gives the text to write, and it is taken."""
+    written(tmp_path, text=ODD.format(mark))
+    whole = {"name": "odd", "model": {"file": str(tmp_path / "m.xml")}}
+    assert rw.load(whole).template.coordinates == ("l_1.j_1", "l_2.k")
+    for given, right in (
+        ({"goal": "l{0}1.j{0}1 >= 1"}, {"goal": "l_1.j_1 >= 1"}),
+        ({"goal": "j{0}1 >= 1 and t > 0"}, {"goal": "l_1.j_1 >= 1 and t > 0"}),
+        ({"goal": "k >= 1"}, {"goal": "l_2.k >= 1"}),
+        ({"unsafe": "gap(l{0}1, l{0}2) < 1"}, {"unsafe": "gap(l_1, l_2) < 1"}),
+        ({"start": {"places": {"l{0}1.j{0}1": 1}}}, {"start": {"places": {"l_1.j_1": 1}}}),
+        ({"speeds": {"l{0}2.k": "1"}}, {"speeds": {"l_2.k": "1"}}),
+        ({"controls": {"a{0}1": 1}}, {"controls": {"a_1": 1}}),
+    ):
+        wrong = eval(repr(given).replace("{0}", mark))
+        with pytest.raises(SceneError) as caught:
+            rw.load(whole | wrong)
+        ((_, value),) = right.items()
+        while isinstance(value, dict):
+            ((name, value),) = value.items()
+            value = value if isinstance(value, dict) else name
+        assert f"; write {value!r}: names keep letters, digits and _" in str(caught.value)
+        rw.load(whole | right)
+    with pytest.raises(SceneError, match=r"must be a name .*; u_1 would be one"):
+        rw.load(whole | {"parameters": {f"u{mark}1": {"default": 0}}})
+
+
+def test_programs_may_write_aliases(tmp_path: Path) -> None:
+    """A scene dumped with values that it shares is the scene written out."""
+    written(tmp_path)
+    pair = ["b", "*"]
+    shared = WHOLE | {"contacts": [{"between": pair, "friction": 0.5}, {"between": pair, "friction": 0.4}]}
+    (tmp_path / "shared.yaml").write_text(yaml.safe_dump(shared))
+    assert "*id001" in (tmp_path / "shared.yaml").read_text()
+    plain = copy.deepcopy(shared)
+    plain["contacts"][1]["between"] = ["b", "*"]
+    (tmp_path / "plain.yaml").write_text(yaml.safe_dump(plain))
+    one, other = (rw.load(tmp_path / f"{name}.yaml") for name in ("shared", "plain"))
+    assert one == other
+
+
+def test_other_parameters_are_other_names(tmp_path: Path) -> None:
+    """A scene that is given other parameters knows those, in its conditions and schedules."""
+    scene = rw.load(written(tmp_path))
+    more = scene.changed(
+        parameters=dict(scene.file.parameters) | {"far": Parameter(default=2.0)}, inputs=("a", "far")
+    )
+    assert more.template.parameters == (*scene.template.parameters, "far")
+    assert more.template.inputs == ("a", "far")
+    told = more.changed(goal="p.j > far")
+    assert told.parameters({"far": 3.0})["far"] == 3.0
+    assert not told.goal(rw.State.of(told, {"p.j": 2.5}), {"far": 3.0}).holds[0]
+    assert told.goal(rw.State.of(told, {"p.j": 2.5})).holds[0]
+    run = rw.simulate(told, "kinematic", inputs=[{"inputs": {"far": 1.0}, "duration": 0.01}])
+    assert run.inputs[0].inputs == {"far": 1.0}

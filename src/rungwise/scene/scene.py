@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     pass
 
 MAX_FILE = 2_000_000
+MOST_VALUES = 100_000
+"""Values of a file where each alias is written out, at most."""
 FARTHEST = 1e75
 """Farthest place in the plane, in the scene's unit: products of four places are finite."""
 LIBRARY = files("rungwise.scene") / "library"
@@ -187,6 +189,8 @@ def schema() -> dict[str, Any]:
     return SceneFile.model_json_schema()
 
 
+WORDY = 60
+"""Characters of a name that an error suggests, at most."""
 WORDING = {
     "missing": "is required",
     "string_too_short": "must not be empty",
@@ -227,6 +231,9 @@ def explain(error: ValidationError, data: object) -> str:
     message = first["msg"] if wording is None else wording.format_map(first.get("ctx", {}))
     if first["type"] not in _COMPLETE:
         message += f", not {shown(first['input'])}"
+    if first["type"] == "string_pattern_mismatch":
+        plain = re.sub(r"\W+", "_", str(first["input"]), flags=re.ASCII).strip("_")
+        message += f"; {plain} would be one" if plain[:1].isalpha() and len(plain) < WORDY else ""
     path = _path(first["loc"], data)
     if first["type"] == "kind":
         path += ".kind"
@@ -307,13 +314,39 @@ def _parsed(content: str) -> bytes:
     return pickle.dumps(yaml.load(content, Loader=_Loader))
 
 
+def _values_in(node: Any, known: dict[int, int]) -> int:
+    """How many values a node has where each alias is written out. Raises ComposerError for too many, and for
+    one that stands in what it repeats."""
+    count = known.get(id(node))
+    if count is None:
+        known[id(node)] = 0
+        parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+        inner = [each for part in parts for each in (part if isinstance(part, tuple) else (part,))]
+        count = known[id(node)] = 1 + sum(_values_in(each, known) for each in inner)
+    if not 0 < count <= MOST_VALUES:
+        why = f"make more than {MOST_VALUES} values" if count else "stand in what they repeat"
+        raise yaml.composer.ComposerError(
+            None, None, f"aliases {why}; write out what they stand for", node.start_mark
+        )
+    return count
+
+
 class _Loader(yaml.SafeLoader):
-    """Safe YAML without aliases (which can grow without bound), tags and repeated keys."""
+    """Safe YAML without tags and repeated keys, whose aliases do not grow without bound."""
+
+    def get_single_node(self) -> Any:
+        node = super().get_single_node()
+        if self.anchors_used and node is not None:
+            _values_in(node, {})
+        return node
+
+    anchors_used = False
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event: Any = self.peek_event()  # type: ignore[no-untyped-call, unused-ignore]
         if self.check_event(yaml.AliasEvent):
-            raise yaml.composer.ComposerError(None, None, "aliases are not allowed", event.start_mark)
+            self.anchors_used = True
+            return super().compose_node(parent, index)
         if event.tag is not None:
             raise yaml.composer.ComposerError(None, None, "tags are not allowed", event.start_mark)
         return super().compose_node(parent, index)

@@ -105,8 +105,10 @@ class StatedScene(AnyScene):
     farthest: ClassVar[float] = FARTHEST
 
     def __post_init__(self) -> None:
-        units = conversions_of(self.file.parameters, self.file.units)
-        object.__setattr__(self, "template", replace(self.template, units=units))
+        file = self.file
+        units, parameters = conversions_of(file.parameters, file.units), tuple(file.parameters)
+        template = replace(self.template, parameters=parameters, inputs=tuple(file.inputs), units=units)
+        object.__setattr__(self, "template", template)
 
     def __repr__(self) -> str:
         bodies, parameters = (

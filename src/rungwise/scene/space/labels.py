@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import mujoco
 
 PLACES, TURNS, RATES = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz")
+SINGLE = 2
+"""Least of MuJoCo's numbers of joints with one coordinate."""
 
 
 @dataclass(frozen=True)
@@ -76,3 +78,24 @@ def _unique(names: Sequence[str], kind: str) -> tuple[str, ...]:
             own += "_"
         found.append(own)
     return tuple(found)
+
+
+def as_labels(text: str, model: mujoco.MjModel, known: Labels) -> str:
+    """A text in which labels stand for the model's own names of bodies, joints and actuators, as far as these
+    differ: ``l.1.j.1`` and, alone, ``j.1`` become ``l_1.j_1``."""
+    instead: dict[str, str] = {}
+    for body, name in enumerate(known.bodies):
+        instead[model.body(body).name] = name
+    for actuator, name in enumerate(known.actuators):
+        instead[model.actuator(actuator).name] = name
+    for joint in range(model.njnt):
+        place, own = known.coordinates[int(model.jnt_qposadr[joint])], model.jnt(joint).name
+        if own and model.jnt_type[joint] >= SINGLE:
+            body = int(model.jnt_bodyid[joint])
+            for before in ("", f"{model.body(body).name}.", f"{known.bodies[body]}."):
+                instead[before + own] = place
+    names = sorted((name for name, own in instead.items() if name and name != own), key=len, reverse=True)
+    if not names:
+        return text
+    found = re.compile(rf"(?<![\w.])(?:{'|'.join(map(re.escape, names))})(?!\w)", re.ASCII)
+    return found.sub(lambda each: instead[each[0]], text)

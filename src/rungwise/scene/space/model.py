@@ -86,8 +86,6 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
             model = _compiled(spec, path.suffix.lower() == ".urdf")
     except (ValueError, RuntimeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
-    if model.nv == 0:
-        raise SceneError(f"model: {path.name!r}: nothing can move in it")
     try:
         bytes(model.names).decode()
     except UnicodeDecodeError:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
 from rungwise.scene.language.expression import CONSTANTS, FUNCTIONS
 from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.scene import explain, read_yaml
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
-from rungwise.scene.space.labels import Labels, label, labels
+from rungwise.scene.space.labels import Labels, as_labels, label, labels
 from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
@@ -87,12 +88,38 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     if "controls" not in file.model_fields_set and names.actuators:
         file = _checked(_with_inputs(data, model, names))
     scene = SpaceScene(file, _template(file, model, names), folder, names, spec.to_xml())
-    check_names(scene, spec, model)
-    if file.task is not None:
-        moving = [names.bodies[b] for b in range(model.nbody) if model.body_weldid[b]]
-        check_task(file.task, scene.template.names(), file.inputs, moving)
-        check_fingers(file.task, moving, moving, "xyz")
+    try:
+        check_names(scene, spec, model)
+        if file.task is not None:
+            moving = [names.bodies[b] for b in range(model.nbody) if model.body_weldid[b]]
+            check_task(file.task, scene.template.names(), file.inputs, moving)
+            check_fingers(file.task, moving, moving, "xyz")
+    except SceneError as error:
+        raise SceneError(str(error) + _to_write(str(error), data, model, names)) from None
     return scene
+
+
+def _to_write(error: str, data: Any, model: mujoco.MjModel, names: Labels) -> str:
+    """How the text to which an error belongs is written with labels in place of the model's own names; empty
+    where it has none."""
+    for path, text in sorted(_texts(data), key=lambda each: -len(each[0])):
+        instead = as_labels(text, model, names)
+        if instead != text and error.startswith(f"{path}:"):
+            return f"; write {shown(instead)}: names keep letters, digits and _"
+    return ""
+
+
+def _texts(given: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """All keys and texts of a scene, with their paths."""
+    items = given.items() if isinstance(given, Mapping) else enumerate(given)
+    for key, value in items:
+        own = f"{path}.{key}" if path else str(key)
+        if isinstance(key, str):
+            yield own, key
+        if isinstance(value, Mapping | list | tuple):
+            yield from _texts(value, own)
+        elif isinstance(value, str):
+            yield own, value
 
 
 def _template(file: SpaceFile, model: mujoco.MjModel, names: Labels) -> NameTemplate:

@@ -46,6 +46,8 @@ def refuse(model: mujoco.MjModel) -> None:
 def left_out(model: mujoco.MjModel) -> tuple[str, ...]:
     """Remarks on features that are left out."""
     remarks = []
+    if not model.nv:
+        remarks.append("model: nothing can move in it")
     if model.nmocap:
         remarks.append("model: bodies of motion capture stand still")
     if model.neq and (model.eq_active0 == 0).any():

@@ -116,7 +116,7 @@ class Space:
             free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
-        self._q = np.full(m.nq, np.nan)
+        self._q: Reals | None = None
         self._least: float | None = None
         self._resting: Resting | None = None
         self._near = AHEAD * NEAR * length
@@ -304,11 +304,11 @@ class Space:
         if m.njnt:
             m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
         m.tendon_margin[:] = margin
-        self._q = np.full(m.nq, np.nan)
+        self._q = None
 
     def _at(self, q: Reals) -> None:
         """Make MuJoCo's data those of q."""
-        if q is not self._q and q.tobytes() != self._q.tobytes():
+        if self._q is None or (q is not self._q and q.tobytes() != self._q.tobytes()):
             m, d = self.model, self.data
             d.qpos[:] = q
             if not (self.boxes.may_meet or self.rims.may_meet or self.nearest.may_meet):
