@@ -9,7 +9,7 @@ itself.
 from __future__ import annotations
 
 import inspect
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from typing import Any, NamedTuple, TypeAlias
 
@@ -24,9 +24,8 @@ class Block:
     """
 
     def __init__(self, **fields: np.ndarray[Any, Any] | Block) -> None:
-        names = tuple(
-            name for kind in reversed(type(self).__mro__[:-2]) for name in inspect.get_annotations(kind)
-        )
+        kind: Any = type(self)
+        names = _fields(kind)
         if tuple(fields) != names:
             raise TypeError(f"{type(self).__name__} takes {', '.join(names)}, in this order")
         words: list[int] = []
@@ -42,7 +41,7 @@ class Block:
             object.__setattr__(self, name, value)
         table = np.array(words, np.int64)
         object.__setattr__(self, "_table", table)
-        object.__setattr__(self, "_address", table.ctypes.data)
+        object.__setattr__(self, "_address", _address(table))
         object.__setattr__(self, "_layout", Layout(type(self).__name__, names, tuple(kinds)))
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -55,7 +54,18 @@ class Block:
 
     @cached_property
     def _numba_type_(self) -> Any:
-        return import_module("rungwise.compilation.blocks").block_type(*self._layout)  # type: ignore[attr-defined]
+        layout: Layout = self._layout  # type: ignore[attr-defined]
+        known = _KNOWN.get(type(self))
+        if known is None or known[0] != layout:
+            found = import_module("rungwise.compilation.blocks").block_type(*layout)
+            known = _KNOWN[type(self)] = layout, found
+        return known[1]
+
+
+@cache
+def _fields(kind: type[Any]) -> tuple[str, ...]:
+    """Names of the fields of a class of blocks."""
+    return tuple(name for each in reversed(kind.__mro__[:-2]) for name in inspect.get_annotations(each))
 
 
 def _rebuilt(kind: type[Block], fields: dict[str, Any]) -> Block:
@@ -75,8 +85,29 @@ Kind: TypeAlias = tuple[np.dtype[Any], int, bool] | Layout
 writeable."""
 
 
+_KNOWN: dict[type[Any], tuple[Layout, Any]] = {}
+"""By class, the last layout that was asked for and numba's type: to compare layouts that share their parts
+takes a twentieth of the time of a look-up by their hash."""
+
+
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
     """An array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
     if isinstance(value, Block):
         return [value._address]  # type: ignore[attr-defined]
-    return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+    return [0, 0, value.size, value.itemsize, _address(value), *value.shape, *value.strides]
+
+
+def layout_of(value: object) -> object:
+    """What the type of an argument follows from; equal for arguments that compiled code reads alike."""
+    if isinstance(value, Block):
+        return value._layout  # type: ignore[attr-defined]
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.num
+    if isinstance(value, tuple):
+        return type(value), *map(layout_of, value)
+    return type(value)
+
+
+def _address(array: np.ndarray[Any, Any]) -> int:
+    """Where the array's elements begin; `array.ctypes` takes half as long again to say so."""
+    return int(array.__array_interface__["data"][0])

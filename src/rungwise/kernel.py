@@ -17,6 +17,8 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.block import layout_of
+
 Reals: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 RecordArray: TypeAlias = NDArray[np.void]
@@ -46,6 +48,7 @@ class Kernel:
         self.name = function.__qualname__
         self.function = function
         self.is_part = is_part
+        self._last: tuple[tuple[object, ...], Callable[..., object]] = (), function
         self.options = {"nogil": True, "error_model": "numpy", "_nrt": False, **options}
 
     def __call__(self, *arguments: object) -> object:
@@ -61,10 +64,14 @@ class Kernel:
         return _calls().KernelDispatcher(self.function, "outside", **self.options)
 
     def code_for(self, arguments: tuple[object, ...]) -> Callable[..., object]:
-        """What calls the machine code for the types of arguments with which the kernel has been called."""
-        kinds = tuple(self._outside.typeof_pyval(each) for each in arguments)
-        code: Callable[..., object] = self._outside.overloads[kinds].entry_point
-        return code
+        """What calls the machine code for the types of these arguments."""
+        layouts, last = tuple(map(layout_of, arguments)), self._last
+        if layouts != last[0]:
+            kinds = tuple(self._outside.typeof_pyval(each) for each in arguments)
+            if kinds not in self._outside.overloads:
+                self._outside.compile(kinds)
+            last = self._last = layouts, self._outside.overloads[kinds].entry_point
+        return last[1]
 
     @cached_property
     def inside(self) -> Any:
@@ -136,10 +143,8 @@ def steady(kernel: F) -> F:
     def call(*arguments: object) -> object:
         nonlocal code, calls, thread
         if code is None:
-            found = kernel(*arguments)
-            calls = _calls()
-            code, thread = kernel.code_for(arguments), calls.thread
-            return found
+            calls, code = _calls(), kernel.code_for(arguments)
+            thread = calls.thread
         # As `compilation.calls.call`, written out: a call of a function would cost as much as these lines.
         try:
             found = code(*arguments)
