@@ -98,6 +98,7 @@ WHOLE: dict[str, Any] = {
                 "load": 9.81,
                 "pressure": {"kind": "uniform"},
                 "centre": [0.0, 0.1],
+                "limit_surface": "ellipsoid",
             },
         },
         "cup": lying(30.0, {"friction": 0.5, "gravity": 9.81, "pressure": {"kind": "ring", "radius": 0.1}}),

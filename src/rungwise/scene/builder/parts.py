@@ -158,6 +158,7 @@ def support(
     gravity: Number | None = None,
     pressure: Part | None = None,
     centre: Pair | None = None,
+    limit_surface: str | None = None,
 ) -> Part:
     return part(None, locals())
 

@@ -140,8 +140,8 @@ class Points(Strict):
     """The load rests on points of the body's frame, each with its part of the weights (default: equal)."""
 
     kind: Literal["points"]
-    points: Annotated[tuple[Pair, ...], Field(min_length=1, max_length=64)]
-    weights: Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)] | None = None
+    points: Annotated[tuple[Pair, ...], Field(min_length=1, max_length=1000)]
+    weights: Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)] | None = None
 
     @model_validator(mode="after")
     def _as_many(self) -> Points:
@@ -169,8 +169,9 @@ class Support(Strict):
     """Dry friction with a plane parallel to the scene, on which a free body lies.
 
     Friction force f and torque m about the centre of pressure (`centre`, in the body's frame) oppose its
-    twist, in |f|^2 + (m / c)^2 <= (friction * load)^2; `pressure` gives c. The load is given as a force, or
-    by the acceleration of `gravity` normal to the plane.
+    twist, in |f|^2 + (m / c)^2 <= (friction * load)^2; `pressure` gives c. With `limit_surface: exact` they
+    are instead what the pressure makes of Coulomb's law at each of its points. The load is given as a force,
+    or by the acceleration of `gravity` normal to the plane.
     """
 
     friction: Number
@@ -178,6 +179,19 @@ class Support(Strict):
     gravity: Number | None = None
     pressure: Pressure = Uniform()
     centre: Pair | None = None
+    limit_surface: Literal["ellipsoid", "exact"] = "ellipsoid"
+
+    @model_validator(mode="after")
+    def _has_a_pressure(self) -> Support:
+        if self.limit_surface == "exact" and isinstance(self.pressure, Ratio):
+            raise PydanticCustomError(
+                "support", "limit_surface: exact needs a pressure: uniform, ring or points"
+            )
+        if self.limit_surface == "exact" and self.centre is not None and not isinstance(self.pressure, Ring):
+            raise PydanticCustomError(
+                "support", "limit_surface: exact has its centre where the pressure has it; leave centre out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _has_one_load(self) -> Support:

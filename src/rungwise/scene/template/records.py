@@ -73,12 +73,12 @@ MEASURE = record_type(
 """One of the three coordinates of b in the frame of a (along and across the axis, angle), held or free."""
 
 SUPPORT = record_type(
-    "body pressure centre_given weighed first end row",
+    "body pressure centre_given weighed first end row exact",
     "friction load gravity ratio centre_x centre_y force",
 )
 """`weighed`: the load is gravity times mass; spots first..end of the pressure. Bound: force, the greatest of
 friction; ratio, its greatest torque over that; centre, from the centre of mass. `row`: the first of its rows
-in the terms of a run, -1 if there is none."""
+in the terms of a run, -1 if there is none; `exact`: whether the limit surface is that of the pressure."""
 SPOT = record_type("", "x y weight")
 TASK = record_type("", "value")
 """A number of the scene's task (see `scene.fields.task.numbers_of`)."""

@@ -48,6 +48,7 @@ def _refuse(body: Body, path: str) -> None:
 def _write(writer: Writer, index: int, support: Support, path: str) -> None:
     record, pressure = writer.records.supports[index], support.pressure
     record["pressure"] = _PRESSURES[pressure.kind]
+    record["exact"] = support.limit_surface == "exact"
     record["weighed"] = support.load is None
     record["centre_given"] = support.centre is not None
     for field in ("friction", "load", "gravity"):

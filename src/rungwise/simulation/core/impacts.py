@@ -18,6 +18,7 @@ from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.simulation.core.chains import solve_in_plane
+from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.state import IMPULSIVE, Trial, columns_of, sizes_in
 
@@ -103,7 +104,9 @@ def _solve(trial: Trial, sizes: Sizes) -> int:
     """Solve the problem of expansion, and add the impulses of both phases."""
     _, _, terms, contacts, state, scratch, problem = trial
     clock, rows = state.clock[0], sizes.limited
-    if clock.surfaces:
+    if clock.surfaces and terms.exact.shape[0] > 0:
+        status, found, _ = solve_exact(sizes, terms, state, scratch, problem)
+    elif clock.surfaces:
         status, found, _ = solve_supported(sizes, terms, state, scratch, problem)
     else:
         status, found, _ = solve_in_plane(problem, sizes, terms, scratch)

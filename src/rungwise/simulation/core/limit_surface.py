@@ -103,7 +103,7 @@ def without_law(problem: ContactProblem, terms: Terms, free: Ints, inertia: floa
     if len(rows) == 0:
         return problem
     S = terms.limited[rows][:, free[:n]]
-    if inertia == 0.0 and _resists_alone(problem, terms, rows, free[:n]):
+    if inertia == 0.0 and len(terms.exact) == 0 and _resists_alone(problem, terms, rows, free[:n]):
         damper = (S.T * terms.limit[rows] ** 2) @ S
         problem.H[:] = damper * (np.trace(problem.H) / np.trace(damper))
         return trim(problem, n, len(problem.mu), 0)

@@ -15,6 +15,8 @@ from rungwise.system.terms import Terms
 
 STATIC, KINETIC, IMPULSIVE = 0, 1, 2
 """Rows of `State.laws`."""
+ELLIPSOID = 18
+"""Numbers of each limit surface of a pressure."""
 
 COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
@@ -61,8 +63,9 @@ class Scratch(Block):
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
     notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
     that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
-    `impact` (4, contacts) is of impacts in two phases, (4, 0) where there are none. `halt` (1,) is set from
-    outside where the step is to be given up."""
+    `impact` (4, contacts) is of impacts in two phases, (4, 0) where there are none; `bare` (3 m, n) and
+    `ellipsoid` (m, 18) are of limit surfaces of a pressure (see `core.exact_surface`). `halt` (1,) is set
+    from outside where the step is to be given up."""
 
     x: Reals
     v_new: Reals
@@ -78,6 +81,8 @@ class Scratch(Block):
     support: RecordArray
     other: Reals
     impact: Reals
+    bare: Reals
+    ellipsoid: Reals
     halt: Ints
 
 
@@ -156,5 +161,7 @@ def scratch_arrays(
         "support": np.zeros(limited, SUPPORT),
         "other": np.append(np.zeros(n), -1.0),
         "impact": np.zeros((4, 0)),
+        "bare": np.zeros((0, n)),
+        "ellipsoid": np.zeros((0, ELLIPSOID)),
         "halt": np.zeros(1, np.int64),
     }

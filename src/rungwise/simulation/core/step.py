@@ -26,6 +26,7 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
+from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.impacts import compress, end_impact, expand
 from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note
@@ -259,7 +260,9 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     unknowns = unknowns_in(scratch)
     if convex and not start_associated(problem, sizes, unknowns, scratch.halt):
         return NO_SOLUTION
-    if state.clock[0].surfaces:
+    if state.clock[0].surfaces and terms.exact.shape[0] > 0:
+        status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
+    elif state.clock[0].surfaces:
         status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
     elif d == 2:
         status, found, stage = solve_in_plane(problem, sizes, terms, scratch)

@@ -62,6 +62,7 @@ from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
+from rungwise.system.planar.pressed import spread_loads
 from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART, METRIC
 
@@ -110,6 +111,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.limited = 0
     if rung[0].loads:
         clock.limited = planar.constants(records, terms)
+        if terms.exact.shape[0] > 0:
+            spread_loads(records, terms)
     for i in range(n):
         terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):

@@ -11,6 +11,7 @@ from rungwise.system.planar.jacobian import enter_rows
 from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import COS, SIN, X, Y
+from rungwise.system.planar.pressed import place_surface
 from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
 
 FULL = -1
@@ -89,8 +90,12 @@ def _supports(records: Records, count: int, terms: Terms) -> int:
 @kernel
 def turn_supports(records: Records, pose: Reals, terms: Terms) -> None:
     """Rows of the supports where the bodies are: rates of the centre of pressure."""
+    exact = 0
     for k in range(records.supports.shape[0]):
         support = records.supports[k]
+        if support.exact:
+            place_surface(support, pose, terms.exact[exact])
+            exact += 1
         if support.row >= 0:
             turn = records.bodies[support.body].coordinate + 2
             c, s = pose[support.body, COS], pose[support.body, SIN]

@@ -37,7 +37,7 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "force": float(record["force"]),
             "ratio": float(record["ratio"]),
             "centre": [float(record["centre_x"]), float(record["centre_y"])],
-        }
+        } | ({"limit_surface": "exact"} if record["exact"] else {})
     places, _ = scene.start(parameters)
     for number, (name, record) in enumerate(zip(template.coordinates, records.coordinates, strict=True)):
         body_name, coordinate = name.split(".")
@@ -101,6 +101,7 @@ def described(report: Mapping[str, Any]) -> str:
             lines.append(
                 f"    {name} lies on a support: friction up to {body['support']['force']:.6g}, torque up to"
                 f" {body['support']['ratio']:.6g} times that, about ({x:.6g}, {y:.6g}) from the centre"
+                + (", by its pressure" if "limit_surface" in body["support"] else "")
             )
         for coordinate, c in body["coordinates"].items():
             unit = " rad" if c["unit"] == "rad" else ""

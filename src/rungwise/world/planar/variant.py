@@ -12,7 +12,7 @@ from rungwise.kernel import Ints
 from rungwise.scene import Scene, load
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
-from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS, Records
+from rungwise.scene.template.records import ADHERES, FADES, POINTS, POISSON, RING, STICKS, Records
 from rungwise.world.ingredients import CONDITIONS, RESTITUTION, Variant
 
 GIVE = (
@@ -91,6 +91,8 @@ class PlanarVariant(Variant):
         supports, coordinates = self.records.supports, self.records.coordinates[self.objects]
         values = [supports[name].tolist() for name in ("force", "ratio", "centre_x", "centre_y")]
         values += [coordinates[name].tolist() for name in RESISTS]
+        if supports["exact"].any():
+            values += [supports["exact"].tolist(), self.records.spots.tobytes()]
         return values if supports["force"].any() or any(coordinates[name].any() for name in RESISTS) else 0.0
 
     def _others(self) -> Any:
@@ -129,16 +131,31 @@ def _put_support(bodies: dict[str, Any], base: PlanarVariant, world: PlanarVaria
     for support in records.supports:
         body = records.bodies[int(support["body"])]
         centre = [float(body[f"centre_{axis}"] + support[f"centre_{axis}"]) for axis in "xy"]
-        bodies[template.bodies[int(support["body"])]]["support"] = {
-            "friction": 1.0, "load": float(support["force"]) if loads else 0.0, "centre": centre,
-            "pressure": {"kind": "ratio", "ratio": float(support["ratio"])},
-        }  # fmt: skip
+        pressure: dict[str, Any] = {"kind": "ratio", "ratio": float(support["ratio"])}
+        given: dict[str, Any] = {"friction": 1.0, "load": float(support["force"]) if loads else 0.0}
+        if support["exact"]:
+            pressure = _pressure(records, support)
+            given |= {"limit_surface": "exact"}
+        if pressure["kind"] in ("ratio", "ring"):
+            given |= {"centre": centre}
+        bodies[template.bodies[int(support["body"])]]["support"] = given | {"pressure": pressure}
     for k in base.objects:
         name, coordinate = template.coordinates[k].split(".")
         for field in RESISTS:
             _put_number(
                 bodies[name], coordinate, field, float(records.coordinates[k][field]) if loads else 0.0
             )
+
+
+def _pressure(records: Records, support: Any) -> dict[str, Any]:
+    """What a support's load lies on, as it is written."""
+    if support["pressure"] == RING:
+        return {"kind": "ring", "radius": float(support["ratio"])}
+    spots = records.spots[int(support["first"]) : int(support["end"])]
+    if support["pressure"] == POINTS:
+        points = np.stack([spots["x"], spots["y"]], axis=1).tolist()
+        return {"kind": "points", "points": points, "weights": spots["weight"].tolist()}
+    return {"kind": "uniform"}
 
 
 def _put_number(body: dict[str, Any], coordinate: str, field: str, value: float) -> None:

@@ -19,6 +19,7 @@ from rungwise.system.entries import CROWDED
 from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds
 from rungwise.system.planar.place import Placement, allocate_placement
+from rungwise.system.planar.pressed import allocate_surfaces
 from rungwise.system.planar.seams import Seams, allocate_seams
 from rungwise.system.terms import Terms, allocate_terms
 
@@ -293,7 +294,8 @@ def allocate(
     rows = min(slots, most_contacts(records)) if crowded else slots
     at, inputs, named = len(template.parameters) + 1, len(template.inputs), records.contacts["laws"]
     impacts = rows if (named & POISSON).any() else 0
-    limited += impacts
+    limited, surfaces = limited + impacts, allocate_surfaces(records)
+    exact = len(surfaces["exact"])
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
     fields: Fields = {  # in the order of `in_memory`
@@ -344,7 +346,8 @@ def allocate(
     scratch = Scratch(
         **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
         | {name: carried[name] for name in ("limited_mode", "limited_force")}
-        | {"impact": np.zeros((4, impacts))},
+        | {"impact": np.zeros((4, impacts)), "bare": np.zeros((3 * exact, n))}
+        | {"ellipsoid": np.zeros((exact, core.ELLIPSOID))},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
         probe=np.zeros((2, 5)),
@@ -382,7 +385,7 @@ def allocate(
     )
     return Workspace(
         state=state,
-        terms=allocate_terms(n, rows, limited, crowded=crowded),
+        terms=allocate_terms(n, rows, limited, d, crowded, surfaces),
         seams=allocate_seams(records),
         course=allocate_course(records),
         problem=problem,
