@@ -56,10 +56,10 @@ class Side(ByContent):
 
 @dataclass(frozen=True, eq=False)
 class Counterexample(ByContent):
-    """The richer run and the simpler one, how far they are apart, and what fails.
+    """Two runs, on a richer and on a simpler rung, whose distance contradicts a definition.
 
-    levers: what the difference of each place is multiplied with, to be a part of the extent; `late`: the
-    distance is that in the second half of the runs.
+    levers: factors that turn differences of coordinates into parts of the extent; `late`: the distance is
+    measured in the second half of the runs.
     """
 
     words: str

@@ -34,7 +34,7 @@ class ScheduleError(InputError):
 class Segment(ByContent):
     """A part of a schedule: values of inputs by name (an input not named stays as it is), and its duration.
 
-    A segment with `ramp` takes the inputs to the values linearly, over the duration. One with `until` ends
+    A segment with `ramp` changes the inputs linearly to the values, over the duration. One with `until` ends
     as soon as that condition holds, in the names of the scene ("force(left, part) >= 5"); if it does not
     hold within the duration, the run ends.
     """

@@ -53,20 +53,20 @@ class RunOptions(ByContent):
         step: length of a step; the scene's own if not given.
         tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
         duration: end of the run; the scene's own if not given.
-        span: where this run is a part of one that lasts so long, steps of controlled length are no longer
-            than that run's; the end of this run if not given.
-        theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
-            where contacts do not change their mode.
+        span: length of the whole run of which this run is a part: error-controlled steps are then no longer
+            than in the whole run; the end of this run if not given.
+        theta: of the theta rule on the dynamic compliant rung, in 1/2..1. 1/2 is of second order as long as
+            contacts do not change their mode.
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
             the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
             not given, nearest to zero: the slowest. See `simulation.planar.step.preferred_motion`.
-        state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
-            end of the run) are not part of it.
-        inputs: a schedule of the scene's inputs, which begins where the run begins: segments, or mappings of
-            their fields (see `Segment`). The run ends with it, or at `duration` if that is given. A state
-            whose run had not come to the end of its schedule goes on with it if none is given here.
-        frames: how many states are kept at most (the stride doubles when they are full).
+        state: at which, and at whose time, the run begins; the scene's start if not given. It contains
+            neither `parameters` nor `duration` (the end of the run).
+        inputs: a schedule of the scene's inputs, which begins with the run: segments, or mappings of their
+            fields (see `Segment`). The run ends with it, or at `duration` if that is given. A state from the
+            middle of a schedule continues with this schedule if none is given here.
+        frames: greatest number of states that are kept (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
         save_hard: a folder, for the problems of hard steps (see `HardSteps`); needs h5py.

@@ -62,13 +62,13 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where the bodies of a scene are, and how they move.
+    """Positions and velocities of a scene at a time, and the memory of a run.
 
     q (n,), v (n,): coordinates and their velocities, in the order of `names`, which are the scene's
-    ("part.x3"); time: of the scene. A state of a run has its `memory`, with which a run goes on as if it had
-    not been interrupted, bit for bit, on the same rung with the same parameters and options. On another rung,
-    or at other parameters, contacts keep their modes, forces and deformations as far as the same features
-    touch. A state without memory begins at rest in its contacts. Arrays are read-only.
+    ("part.x3"); time: of the scene. A state of a run has a `memory`, with which another run continues as if
+    there had been no interruption, bit for bit, on the same rung with the same parameters and options. On
+    another rung, or at other parameters, contacts keep their modes, forces and deformations as far as the
+    same features touch. A state without memory begins at rest in its contacts. Arrays are read-only.
     """
 
     names: tuple[str, ...]

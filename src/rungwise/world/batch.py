@@ -29,10 +29,10 @@ class Results(ByContent):
     """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
     of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
 
-    The margin is positive where the goal was reached (by how much the run stayed clear of unsafe and doomed
-    states) and otherwise negative (how near the run came to the goal): the margin is continuous where it
-    passes zero, if the scene's conditions are continuous; nan where there was no run. A jam has no
-    certificate here: run the point again with `simulate` for one.
+    The margin is positive if the goal was reached, and is then the distance from unsafe and doomed states.
+    Otherwise it is negative, and its size is the least distance from the goal. It passes zero continuously if
+    the scene's conditions are continuous, and is nan if there was no run. A jam has no certificate here; run
+    the point again with `simulate` to get one.
     """
 
     outcome: Ints
@@ -53,7 +53,8 @@ class Results(ByContent):
 
 
 class Batch:
-    """Runs of one scene on one rung, whatever the points. Raises SceneError or ModelError for wrong input.
+    """Many runs of one scene on one rung, at points of its parameters. Raises SceneError or ModelError for
+    wrong input.
 
     Args:
         scene, model: as for `simulate`.
@@ -104,8 +105,8 @@ class Batch:
         """Run every point (m, k), values of `over`; the bytes do not depend on threads or `chunk`.
 
         A point outside the ranges of the parameters, or one at which the scene is impossible, is `invalid`.
-        After `limit` seconds runs that still go on are left as far as they have come, also from within a
-        step: their outcome is `running`; those that had not begun have places of nan.
+        After `limit` seconds unfinished runs are interrupted, also from within a step: their outcome is
+        `running`, and they are kept so far. Runs that had not begun have positions of nan.
         `on_progress` is called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
         """
         deadline, points = Deadline(seconds(limit)), np.ascontiguousarray(points, np.float64)

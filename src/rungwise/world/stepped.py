@@ -31,18 +31,18 @@ Ended = TypeVar("Ended", bound=AnyRun, covariant=True)
 
 
 class Simulation(Generic[Ended]):
-    """A run that a loop of one's own takes step by step: read what is seen, set inputs, go on. The same in
-    the plane, in space and in worlds of one's own. Raises SceneError or ModelError for wrong input.
+    """A run that your own loop advances step by step: observe, set inputs, step. It works in the plane, in
+    space and in other worlds. Raises SceneError or ModelError for wrong input.
 
-    The inputs that were told are the schedule of the run that comes of it: with `inputs=run.inputs` and the
-    same options `simulate` makes the same run, bit for bit.
+    The inputs that the run received are its schedule: `simulate` with `inputs=run.inputs` and the same
+    options makes the same run, bit for bit.
 
     Args:
         scene: a scene, or a source that `load` takes.
         model: a rung or its name; the geometric rung does not move.
-        options: fields of `RunOptions`, which says what they are. A run that begins with a schedule
-            (`inputs`, or the state of a run that had one) follows that, and is told nothing else;
-            `inputs=[]` drops it. The run ends at `duration`, the scene's own if not given.
+        options: fields of `RunOptions`. A run that begins with a schedule (`inputs`, or the state of a run
+            that had one) follows it and accepts no other inputs; `inputs=[]` drops the schedule. The run ends
+            at `duration`, the scene's own if not given.
     """
 
     @overload
@@ -131,14 +131,14 @@ class Simulation(Generic[Ended]):
     def step(
         self, duration: float, inputs: Wanted = None, *, ramp: bool = False, limit: float | None = None
     ) -> Observation:
-        """Hold inputs for a time, and return what is seen then.
+        """Hold inputs for a duration, and return an observation at its end.
 
         Args:
-            duration: in the scene's time; steps end exactly where it does. A run that ends sooner, at the
-                goal for one, is left there, and a run that has ended stays as it is.
-            inputs: values by name, or an array (u,) of all; those not named stay as they are.
-            ramp: whether they are led to these values linearly over the time.
-            limit: seconds after which the run is left as far as it has come; the next call begins there.
+            duration: in the scene's time; steps end exactly at its end. A run that ends sooner, for example
+                at its goal, stops there, and a run that has ended stays as it is.
+            inputs: values by name, or an array (u,) of all; inputs not named stay as they are.
+            ramp: whether inputs change linearly to these values over the duration.
+            limit: seconds after which the run is interrupted; the next call continues from there.
 
         Raises ScheduleError for an input that is unknown, no finite number, out of range or of another shape,
         or where the run follows a schedule; ModelError for a duration that is not greater than 0.

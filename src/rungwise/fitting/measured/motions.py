@@ -56,11 +56,11 @@ class Motions:
         coordinates: names (n,), as the scene calls them ("part.x").
         times: (k,) of all trials, or one array for each, ascending.
         places: (m, k, n), or (k_i, n) for each trial; (k, n) is one trial. nan where nothing was measured.
-        velocities: in the same manner, if they were measured; else they follow by local regression.
+        velocities: in the same shape, if they were measured; otherwise computed by local regression.
         rates: names (r,) of the velocities, if they differ from the coordinates: in space angular velocities
             ("part.rx") are no rates of quaternions.
         parameters: values that are known: a number, or one for each trial, by name.
-        inputs: what was done: values at the frames, (m, k) or one array for each trial, by name of the input.
+        inputs: values applied at the frames, (m, k) or one array for each trial, by name of the input.
         deviations: standard deviations of the measurement by name of a coordinate, and of a velocity as
             "speed(part.x)"; of all others the scatter about a local regression is taken. In space that of
             a quaternion is an angle, under the name of its first coordinate.

@@ -50,7 +50,7 @@ class Contacts(ByContent):
 
 @dataclass(frozen=True, eq=False)
 class Observation(ByContent):
-    """A run between two steps, as a controller sees it.
+    """The state of a run between two steps, for a controller.
 
     time: of the scene; q (n_q,): places, in the order of `names`; v (n_v,): velocities, in the order of
     `rates`; inputs: their values now; bodies: names; contacts: those of the last step, none before the first.

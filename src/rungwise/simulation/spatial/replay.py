@@ -44,14 +44,14 @@ class ReplayError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A run beside the same inputs in a judge.
+    """Comparison of a run with the same inputs in another simulator.
 
     times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
-    their axes, whichever is more; parts: when the first body parts, nan if none does; body: its name;
-    reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal, or it
-    does so while inputs that the run did not need any more go on; `timeout` where the scene has no goal;
-    `running` where a limit in seconds ended the judge: `unfinished` says what is left then, and times are
-    those of the frames that it came to.
+    their axes, whichever is more; parts: time at which the first body parts, nan if none does; body: its
+    name; reasons: the differences there, a line each; outcome: of the other simulator: `goal` if its end
+    meets the scene's goal, or if it does so while inputs go on that the run did not need any more; `timeout`
+    if the scene has no goal; `running` if a limit in seconds ended it: `unfinished` then names the rest, and
+    times are those of the frames that it reached.
     """
 
     run: SpaceRun
@@ -67,8 +67,8 @@ class Replay:
 
     @property
     def ok(self) -> bool:
-        """Whether the judge comes to the goal as well; without a goal, whether nothing parts up to the run's
-        end."""
+        """Whether the other simulator reaches the goal as well; without a goal, whether the motions do not
+        part."""
         if self.unfinished:
             return False
         return self.outcome == "goal" if self.run.scene.file.goal else math.isnan(self.parts)

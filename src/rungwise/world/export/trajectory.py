@@ -30,7 +30,7 @@ SUFFIXES = (".csv", ".json")
 
 @dataclass(frozen=True, eq=False)
 class JointTrajectory(ByContent):
-    """Places of joints (k) at times (m), of a run.
+    """Positions of the joints (k) of a run at times (m).
 
     names: coordinates of the scene; joints: what the model calls them, in the plane the same; time (m,):
     since the first; position, velocity (m, k): in the scene's units, angles in radians; effort (m, k): forces
