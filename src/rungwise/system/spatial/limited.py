@@ -3,12 +3,13 @@ limits."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 from rungwise.system.entries import fill_span
 from rungwise.system.spatial.drives import Drives
 from rungwise.system.spatial.loads import tendon_rows
@@ -16,6 +17,11 @@ from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
 
 if TYPE_CHECKING:
     import mujoco
+
+SPARE = 1e-8
+"""Part of an equality's row that is not a sum of others before it, over its length, that is rounding."""
+NOISE = 1e-12
+"""Length of an equality's row, over the longest, that is rounding: it says nothing."""
 
 
 class Limited:
@@ -25,6 +31,7 @@ class Limited:
     def __init__(self, model: mujoco.MjModel, drives: Drives, lever: Reals, free: Ints, first: int) -> None:
         self.drives, self.lever, self.free, self.first = drives, lever, free, first
         self.limits = Limits(model)
+        self._basis = self._own = np.zeros((0, len(lever) + 1))
 
     def fill(self, d: mujoco.MjData, moment: Reals, control: Reals, loads: bool, terms: Terms) -> None:
         """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
@@ -47,6 +54,8 @@ class Limited:
         open_by = d.efc_pos[:ne] * unit[:ne]
         # As with gaps: what closes an opening by rounding would be great forces of friction.
         terms.error[:ne, 0] = np.where(np.abs(open_by) > terms.rounding[0], -open_by, 0.0)
+        if ne > 1:
+            self._agree(S[:ne], terms)
         terms.error[ne : ne + nf] = 0.0
         own = unit[ne + nf :]
         terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
@@ -56,6 +65,19 @@ class Limited:
         with np.errstate(divide="ignore", invalid="ignore"):
             terms.error[ne + nf :, 0] = np.where(stiff > 0.0, wish / stiff, 0.0) * own
             terms.error[ne + nf :, 1] = np.where(stiff > 0.0, 0.0, wish / damp) * own
+
+    def _agree(self, rows: Reals, terms: Terms) -> None:
+        """Let equalities that say what others say, as those of a closed loop do, ask for what the others ask
+        for: a difference by rounding would be a contradiction."""
+        if len(self._basis) < len(rows):
+            self._basis = np.zeros((len(rows), len(self.lever) + 1))
+            self._own = self._basis.copy()
+        own = self._own[: len(rows)]
+        np.divide(rows, self.lever, out=own[:, :-1])
+        own[:, -1] = terms.error[: len(rows), 0]
+        agree(own, self._basis)
+        terms.error[: len(rows), 0] = own[:, -1]
+        rows[(own[:, :-1] == 0.0).all(axis=1)] = 0.0
 
     def fill_limits(self, d: mujoco.MjData, reach: float, count: int, terms: Terms, slots: Ints) -> int:
         """Travel limits of joints and tendons, after `count` contacts: rows of one direction."""
@@ -90,6 +112,43 @@ class Limited:
         open_by = np.where(np.array(own) < d.ne, np.abs(d.efc_pos[own]), np.maximum(-d.efc_pos[own], 0.0))
         lengths = open_by * _units(rows[own], self.lever)
         return list(zip(lengths.tolist(), d.efc_type[own].tolist(), d.efc_id[own].tolist(), strict=True))
+
+
+@kernel
+def agree(rows: Reals, basis: Reals) -> None:
+    """Rows (r, n + 1) are equalities a v = e, with e last. Where a is a sum of multiples of those before, up
+    to `SPARE` of its length, e becomes the same sum of theirs; a row that is nothing beside the longest
+    becomes 0. `basis`, of the same shape, is scratch for orthogonal unit rows."""
+    known, longest, n = 0, 0.0, rows.shape[1] - 1
+    for r in range(rows.shape[0]):
+        longest = max(longest, _product(rows[r], rows[r], n))
+    for r in range(rows.shape[0]):
+        length = _product(rows[r], rows[r], n)
+        if length <= NOISE * NOISE * longest:
+            rows[r, :] = 0.0
+            continue
+        copy(rows[r], basis[known])
+        for _ in range(2):  # once more, for what rounding left
+            for k in range(known):
+                part = _product(basis[k], basis[known], n)
+                for i in range(n + 1):
+                    basis[known, i] -= part * basis[k, i]
+        left = _product(basis[known], basis[known], n)
+        if left <= SPARE * SPARE * length:
+            rows[r, n] -= basis[known, n]
+            continue
+        left = math.sqrt(left)
+        for i in range(n + 1):
+            basis[known, i] /= left
+        known += 1
+
+
+@inner_kernel
+def _product(a: Reals, b: Reals, n: int) -> float:
+    total = 0.0
+    for i in range(n):
+        total += a[i] * b[i]
+    return total
 
 
 @dataclass(frozen=True)
@@ -144,6 +203,7 @@ def _rows(d: mujoco.MjData, count: int, n: int) -> Reals:
 
 
 def _units(rows: Reals, lever: Reals) -> Reals:
-    """Factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit."""
+    """Factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit, and so does one
+    that is nothing beside the longest."""
     most = np.abs(rows / lever).max(axis=1, initial=0.0)
-    return np.asarray(1.0 / np.where(most > 0.0, most, 1.0))
+    return np.asarray(1.0 / np.where(most > NOISE * most.max(initial=0.0), most, 1.0))
