@@ -38,7 +38,8 @@ class Driven:
     are matrix (k, u) @ inputs + zero (k,), with u = k. stiffness, limit (k,): of the servos, in force per
     place and in force, infinite where speeds are given; reach: how far the body reaches from its centre.
     In space `rates` (k,) are the columns of the joints' velocities, `slides` (k,) says which of these are no
-    hinges, and `travel` (2, k) is their range.
+    hinges, `levers` (k,) how far the body reaches from their axes, 1 for slides, and `travel` (2, k) is their
+    range.
     A robot of joints in the plane has its `links` (k,), from the ground on, which then take the part of
     places in all of these, and `home` (3,): the pose of its centre of mass where all joints are at 0; its
     `places` are those of its body's x and y all the same.
@@ -57,6 +58,7 @@ class Driven:
     home: Reals
     rates: tuple[int, ...] = ()
     slides: tuple[bool, ...] = ()
+    levers: tuple[float, ...] = ()
     travel: Reals = field(default_factory=lambda: np.zeros((2, 0)))
 
     def levels(self, speeds: Reals, places: Reals) -> Reals:

@@ -4,6 +4,7 @@ fingers."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -223,3 +224,72 @@ def test_three_fingers_lift_and_turn(tmp_path: Path, body: str) -> None:
     plan = rw.plan(fingers(tmp_path, 3, goal, f'<geom name="object" {shape} mass=".2"/>', high), seed=0)
     assert plan.found, plan.reason
     assert plan.replay(tol=0.1 * plan.tol).outcome == rw.Outcome.GOAL
+
+
+def arm_at_a_box(goal: str) -> SpaceScene:
+    """The arm of `arm_push`, whose tool is a finger."""
+    ranges = {"shoulder_to": 3.0, "elbow_to": 2.8, "wrist_to": 3.0}
+    starts = {"shoulder_to": -1.2, "elbow_to": 1.8, "wrist_to": 0.0}
+    law = {"stiffness": 1e5, "damping": 200}
+    scene = rw.load({
+        "name": "arm", "model": {"file": "arm_push.xml"}, "inputs": list(starts),
+        "parameters": {
+            name: {"default": value, "range": [-ranges[name], ranges[name]]} for name, value in starts.items()
+        },
+        "controls": {"shoulder": "shoulder_to", "elbow": "elbow_to", "wrist": "wrist_to"},
+        "start": {"places": {"upper.shoulder": -1.2, "fore.elbow": 1.8, "box.x": 0.42}},
+        "contacts": [{"between": ["box", "table"], "friction": 0.3, **law}, {"friction": 0.5, **law}],
+        "goal": goal, "duration": 4.0, "step": 2e-3,
+        "task": {"fingers": {"tool": {"speed": 0.2, "clearance": 0.015}}, "moves": [1, 8]},
+    })  # fmt: skip
+    assert isinstance(scene, SpaceScene)
+    return scene
+
+
+def test_an_arm_of_few_joints_is_placed_on_a_surface_beside_the_points_that_it_misses() -> None:
+    """Its tool stands upright at one height: points of other heights are touched above or below them."""
+    task = task_of(arm_at_a_box("box.x >= 1"))
+    around, scene = world_of(task.scene).surroundings(task.parameters), task.scene
+    assert around is not None
+    ground = Ground.of(task, around, fingers_of(task), scene.template.bodies.index("box"))
+    q, off = world_of(scene).at(task.parameters).q, list[float]()
+    points, _ = ground.around.outline(ground.body)(np.arange(0.5, 960) / 960)
+    for part in np.linspace(0.01, 0.99, 16).tolist():
+        place = ground.placed(q, 0, part)
+        if place is not None:
+            seen = ground.look(place)
+            assert ground.fingers[0].reaches(place, around)
+            at, turned = seen.touches.poses[ground.body, :3], turn_of(seen.touches.poses[ground.body, 3:])
+            wanted = at + turned @ points[int(part * len(points))]
+            off.append(float(np.linalg.norm((seen.touches.points[seen.held[0]] - wanted)[:2])))
+    assert len(off) >= 6 and sum(each < 2e-3 for each in off) >= 6
+
+
+def test_what_presses_a_finger_of_hinges_is_torque_over_lever() -> None:
+    finger = fingers_of(task_of(arm_at_a_box("box.x >= 1")))[0]
+    levers = finger.carrier.levers
+    assert levers[0] > levers[1] > levers[2] > 0.03
+    assert finger.press[1] == pytest.approx(0.9 * min(20 / levers[0], 20 / levers[1], 2 / levers[2]))
+
+
+@pytest.mark.long
+def test_an_arm_pushes_a_box_to_a_pose() -> None:
+    place = "hypot(box.x - 0.36, box.y - 0.08) <= 0.01"
+    plan = rw.plan(arm_at_a_box(f"{place} and abs(angle_about(box, z) - 0.6) <= 0.1"), seed=0)
+    assert plan.found, plan.reason
+    assert plan.replay(tol=0.1 * plan.tol).outcome == rw.Outcome.GOAL
+
+
+@pytest.mark.parametrize(("angle", "axis"), [(0.5, "z"), (3.0, "z"), (-2.0, "x"), (1.0, "y")])
+def test_a_turn_about_an_axis_is_that_of_the_quaternion_and_its_negative(angle: float, axis: str) -> None:
+    """Also where another axis is tilted first."""
+    scene = rw.load("ball")
+    names = list(scene.template.coordinates)
+    for sign in (1.0, -1.0):
+        state = rw.State.of(scene)
+        q = state.q.copy()
+        q[[names.index(f"ball.q{each}") for each in "wxyz"]] = 0.0
+        q[names.index("ball.qw")] = sign * math.cos(angle / 2)
+        q[names.index(f"ball.q{axis}")] = sign * math.sin(angle / 2)
+        found = rw.ask(scene, f"angle_about(ball, {axis}) >= 0", replace(state, q=q))
+        assert found.values[0, 0] == pytest.approx(angle, abs=1e-9)

@@ -253,6 +253,8 @@ def _objects(task: Task, name: str, said: _Said) -> tuple[str, ...]:
 
 def _levers(own: Driven) -> Reals:
     """How far a finger moves at most per unit of each of what leads it (k,)."""
+    if own.levers:
+        return np.array(own.levers)
     arms = [1.0 if link.slides else math.dist(link.at, own.home[:2]) + own.reach for link in own.links]
     return np.array(arms or [1.0] * len(own.matrix))
 

@@ -12,6 +12,7 @@ import warnings
 
 FOR, REST = "_for", "rest"
 """The function that ``X for T`` is rewritten into, and the one that asks for rest."""
+_TURN = re.compile(r"(?<![\w.])angle_about\(\s*(\w+)\s*,\s*([xyz])\s*\)")
 _OWN = re.compile(rf"(?<!\w){FOR}(?!\w)")
 _MARKS = re.compile(r"(?<![\w.])for(?!\w)|[()\[\]{},]")
 
@@ -32,7 +33,9 @@ class _Part:
 
 
 def rewritten(text: str) -> str:
-    """The text with ``X for T`` as a call. Raises ExpressionError where a part of it is missing."""
+    """The text with ``X for T`` as a call, and ``angle_about(body, z)`` by the body's quaternion. Raises
+    ExpressionError where a part of it is missing."""
+    text = _TURN.sub(_turn, text)
     if _OWN.search(text):
         raise ExpressionError(f"unknown name {FOR}")
     if "for" not in text:
@@ -47,6 +50,13 @@ def rewritten(text: str) -> str:
         inner = parts.pop()
         parts[-1].text += inner.opened + inner.closed()
     return parts[0].closed()
+
+
+def _turn(found: re.Match[str]) -> str:
+    """How far a body is turned about an axis of the world, -pi to pi: of the turn about this axis that is
+    left when what tilts the axis is taken off (the twist)."""
+    w, own = f"{found[1]}.qw", f"{found[1]}.q{found[2]}"
+    return f"atan2(2 * {w} * {own}, {w} * {w} - {own} * {own})"
 
 
 def _take(parts: list[_Part], mark: str) -> None:

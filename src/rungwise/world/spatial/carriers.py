@@ -29,7 +29,23 @@ def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: fl
         matrix=matrix, zero=zero, by_place=by_place, stiffness=stiffness, limit=limit, reach=reach, links=(),
         home=np.zeros(0), rates=tuple(bound.model.jnt_dofadr[joints].tolist()),
         slides=tuple((bound.model.jnt_type[joints] == SLIDE).tolist()), travel=_travel(bound, joints),
+        levers=_levers(bound, joints, scene.template.bodies.index(name), reach),
     )  # fmt: skip
+
+
+def _levers(bound: SpaceBound, joints: list[int], body: int, reach: float) -> tuple[float, ...]:
+    """How far a body, which reaches so far from its centre of mass, is at most from the axes of hinges (k,)
+    as it begins; 1 for slides."""
+    import mujoco
+
+    model, data = bound.model, mujoco.MjData(bound.model)
+    data.qpos[:] = bound.place
+    mujoco.mj_kinematics(model, data)
+    found = list[float]()
+    for joint in joints:
+        arm = np.cross(data.xaxis[joint], data.xipos[body] - data.xanchor[joint])
+        found.append(1.0 if model.jnt_type[joint] == SLIDE else float(np.linalg.norm(arm)) + reach)
+    return tuple(found)
 
 
 def _travel(bound: SpaceBound, joints: list[int]) -> Reals:

@@ -16,6 +16,8 @@ BEGUN = (0.25, 0.75, 0.5)
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a hinge in one, in radians; damping, in parts
 of the size."""
+BESIDE, CLOSES = 0.5, 8
+"""How far beside the point, in parts of the size, an arm of few joints may touch; and steps until it does."""
 STILL = 1e-7
 """Change of joints in a step below which they go no farther."""
 EXACT = 1e-3
@@ -62,6 +64,20 @@ def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterat
                 break
         if np.abs(off).max() < wanted.exact:
             yield found
+        elif len(wanted.point) == 3 and np.linalg.norm(off[1:]) < BESIDE * wanted.size:
+            yield _closed(around, arm, found, wanted)
+
+
+def _closed(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
+    """The place (n,) with an arm led along the normal until it touches, as one of few joints that does not
+    come to the point itself."""
+    for _ in range(CLOSES):
+        near = around.near(q, wanted.pair)
+        if abs(near.gap) < EXACT * wanted.exact:
+            break
+        own = near.rows[:1, arm.columns] @ arm.rates(q)
+        q = _stepped(arm, q, own, np.array([-near.gap]), wanted.size)
+    return q
 
 
 def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
