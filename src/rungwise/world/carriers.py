@@ -213,6 +213,10 @@ class Surroundings(Protocol):
     def change(self, q: Reals, to: Reals) -> Reals:
         """The change (n_v,) that leads from a place (n_q,) to another."""
 
+    def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:
+        """Whether the gaps of these pairs (c,) stay above `least` on the straight way from a to b (n_q,), on
+        which none of them shrinks by more than `length` (see `planning.motion.free_paths.is_clear`)."""
+
     def loads(self, q: Reals) -> Reals:
         """Weight and given forces (n_v,) at a place (n_q,)."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.ground import Ground
-from rungwise.planning.motion.free_paths import CHECKS, grown, is_clear, shortened
+from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
 
 CLEAR = 0.02
 """Gap, in parts of the size, that an object keeps on its way."""
@@ -25,14 +25,9 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
     free, or where it touches something at an end; None where no way was found."""
     none = np.zeros((0, len(q)))
 
-    def gaps(rows: Reals) -> Reals:
-        every = [ground.around.touches(row, 0.0).least[ground.pairs].min(initial=math.inf) for row in rows]
-        return np.array(every)
-
-    if len(ground.turns):
-        return none
     ends = np.stack([q, goal])
-    least = min(CLEAR * ground.task.size, 0.5 * float(gaps(ends).min()))
+    apart = [ground.around.touches(end, 0.0).least[ground.pairs].min(initial=math.inf) for end in ends]
+    least = min(CLEAR * ground.task.size, 0.5 * float(min(apart)))
     if least <= 0.0:
         return none
 
@@ -43,7 +38,7 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
         length = float(np.linalg.norm(change[~turning])) + ground.task.size * float(
             np.abs(change[turning]).sum()
         )
-        return is_clear(gaps, a, b, length, least)
+        return ground.around.is_clear(a, b, length, least, ground.pairs)
 
     if is_free(q, goal):
         return none

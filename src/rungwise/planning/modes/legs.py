@@ -199,7 +199,7 @@ class Writer:
         carriers = tuple(self.ground.fingers[f].carrier for f in moving)
         within = {finger.carrier.body: finger.bounds for finger in self.ground.fingers}
         task = replace(self.ground.task, carriers=carriers)
-        return Transit(task, self._question, within, self._names(raised))
+        return Transit(task, self._question, within, self._names(raised), self.ground.around)
 
     def _names(self, fingers: frozenset[int]) -> list[str]:
         return [self.ground.fingers[f].carrier.body for f in sorted(fingers)]

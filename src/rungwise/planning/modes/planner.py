@@ -47,8 +47,8 @@ searches that run little. Chosen by trial, to a factor of three of the time that
 GUIDES, COURSES, FOLLOWED = 8, 3, 4
 """How often the way of an object alone is sought, to one place at the goal after the other; how many of the
 shortest are followed, and in how many trees each, in turn."""
-GOAL_PLACES = "places at the goal"
-"""By which these are kept."""
+GOAL_PLACES, WAYS = "places at the goal", "ways of objects alone"
+"""By which these are kept for all stages."""
 IDLE = 8
 """Turns in a row in which nothing was run after which no more follow."""
 
@@ -121,7 +121,7 @@ class ModePlanner:
         self.nodes = [self.scene.root(levels)]
         self.turn = 0
         self._places = _goals(work)
-        self._courses: dict[int, list[Reals]] = {}
+        self._courses: dict[tuple[int, bytes], list[Reals]] = self.work.kept.setdefault(WAYS, {})
 
     @property
     def is_barred(self) -> bool:
@@ -283,9 +283,10 @@ class ModePlanner:
             return np.zeros((0, len(self.work.start.q[0])))
         if len(self._asked.path):
             return self._asked.path
-        if ground.body not in self._courses:
-            self._courses[ground.body] = self._shortest(ground)
-        courses = self._courses[ground.body]
+        key = ground.body, self.work.start.q[0].tobytes()
+        if key not in self._courses:
+            self._courses[key] = self._shortest(ground)
+        courses = self._courses[key]
         return courses[self.turn // FOLLOWED % len(courses)]
 
     def _shortest(self, ground: Ground) -> list[Reals]:

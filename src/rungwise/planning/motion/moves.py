@@ -24,6 +24,7 @@ from rungwise.planning.task.task import Task
 from rungwise.scene.language.lasting import names_in
 from rungwise.scene.template.records import Records
 from rungwise.world.carriers import Carrier, TaskError
+from rungwise.world.find import world_of
 from rungwise.world.planar.boundary import Boundary, boundary
 from rungwise.world.questions import Question
 
@@ -87,7 +88,8 @@ class Moves:
     def transit(self) -> Transit:
         """Ways of the robots between moves."""
         within = {name: finger.within for name, finger in self._said.items()}
-        return Transit(self.task, self.question, within)
+        around = world_of(self.task.scene).surroundings(self.task.parameters)
+        return Transit(self.task, self.question, within, around=around)
 
     @cached_property
     def _said(self) -> dict[str, Finger]:

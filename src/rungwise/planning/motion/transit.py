@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.planning.motion.free_paths import CHECKS, always, grown, is_clear, shortened
 from rungwise.planning.task.task import Task
-from rungwise.world.carriers import Carrier
+from rungwise.world.carriers import Carrier, Surroundings
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
@@ -37,12 +37,14 @@ def over_objects(task: Task, raised: Collection[str]) -> set[int]:
 
 class Transit:
     """Ways of a task's carriers between places, with all else where it is; within the least and greatest
-    places (2, 2) of some of their bodies. Those that are raised pass over objects."""
+    places (2, 2) of some of their bodies. Those that are raised pass over objects. `around`, if it is known,
+    answers for whole ways."""
 
     def __init__(
-        self, task: Task, question: Question, within: Mapping[str, Reals], raised: Collection[str] = ()
+        self, task: Task, question: Question, within: Mapping[str, Reals], raised: Collection[str] = (),
+        around: Surroundings | None = None,
     ) -> None:  # fmt: skip
-        self._task, self._question, self._within = task, question, within
+        self._task, self._question, self._within, self._around = task, question, within, around
         self._columns = [place for carrier in task.carriers for place in carrier.places]
         contacts, names = task.scene.template.contacts, {carrier.body for carrier in task.carriers}
         over = over_objects(task, raised)
@@ -114,6 +116,8 @@ class Transit:
         def gaps(places: Reals) -> Reals:
             return np.asarray(self._gaps(places).min(axis=1, initial=math.inf))
 
+        if self._around is not None:
+            return self._around.is_clear(a, b, self._moved(a, b), least, np.array(self._own, np.int64))
         return is_clear(gaps, a, b, self._moved(a, b), least)
 
     def _room(self, q: Reals, goal: Reals) -> tuple[Reals, Reals]:

@@ -20,6 +20,7 @@ from rungwise.system.terms import SUPPORT
 from rungwise.world.carriers import Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
+from rungwise.world.planar.straight import way_is_clear
 
 FEATURES = 4 * VERTICES * VERTICES
 """More than there are features of one pair of shapes."""
@@ -129,6 +130,9 @@ class PlanarSurroundings:
             friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(), poses=poses,
             loads=acting, supports=Surfaces(terms.limited[self._rubbed], terms.limit[self._rubbed]),
         )  # fmt: skip
+
+    def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:
+        return way_is_clear(self._records, self._workspace, (a, b), length, least, pairs)
 
     def apart(self, q: Reals) -> Reals:
         """The place (n,) nearest to q (n,), nearly, at which no bodies overlap; a turn counts as the way of
