@@ -139,3 +139,21 @@ def test_what_rests_may_wait_for_a_time(model: rw.Rung, tol: float | None) -> No
     run = rw.simulate(rw.load(still | {"goal": "t >= 0.5 and abs(box.x) <= 1"}), model, tol=tol)
     assert run.outcome == "goal" and 0.5 <= run.time <= 1.0
     assert rw.simulate(rw.load(still | {"goal": "box.x >= 1"}), model, tol=tol).time < 0.5
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("model", [rung for rung in rw.LADDER if rung.moves], ids=lambda rung: rung.name)
+def test_speeds_of_the_start_are_of_rungs_with_momentum(model: rw.Rung) -> None:
+    """A prescribed speed is there on every rung."""
+    drags = {"x": {"speed": 1.0, "damping": 1.0}, "y": {"damping": 1.0}}
+    part = {"role": "object", "shape": {"kind": "disc", "radius": 0.1}, "motion": {"kind": "free"}}
+    slide = {"kind": "slide", "axis": [1, 0], "name": "x"}
+    rod = part | {"role": "robot", "motion": slide, "pose": {"y": 1.0}}
+    rod["coordinates"] = {"x": {"speed": 2.0, "drive": {"kind": "speed", "speed": 1.0}}}
+    bodies = {"part": part | {"coordinates": drags, "pose": {"y": 0.5}}, "rod": rod, "floor": FLOOR}
+    for name, reached in (("part", model.inertia > 0.0), ("rod", True)):
+        made = scene(bodies, f"speed({name}.x) >= 0.99", 0.01, 1e-3)
+        run = rw.simulate(made, model)
+        assert (run.outcome, run.time == 0.0) == (("goal", True) if reached else ("timeout", False))
+        found = rw.rollout(made, model, states=None, inputs=None, durations=[[0.01]])
+        assert (found.outcome[0] == rw.Code.GOAL) == reached

@@ -265,6 +265,18 @@ def test_a_slope_beyond_the_static_angle_is_unsupported_and_one_below_is_not() -
         assert (str(run.outcome) == "unsupported") != held
 
 
+def test_without_momentum_a_slope_holds_whatever_speed_a_block_starts_with() -> None:
+    """The start's speed is of the rungs with momentum, on which the block slides on."""
+    moves = {"x": {"speed": 0.1}, "y": {"speed": 0.0}}
+    for rung in LOADED:
+        data = on_floor(box(coordinates=moves), RAMP, duration=0.02)
+        data["gravity"] = [0.4 * G, -G]
+        run = rw.simulate(data, rung)
+        assert run.outcome == "timeout", rung
+        slid = of(run, "body.x", "velocity")[-1]
+        assert slid == pytest.approx(0.1 + 0.1 * G * 0.02 if rung.inertia > 0.0 else 0.0, abs=1e-3)
+
+
 def test_static_friction_below_kinetic_is_refused_in_a_line() -> None:
     data = on_floor(box(), {"friction": "mu", "static_friction": 0.3}, parameters={"mu": {"default": 0.2}})
     assert rw.simulate(data, rw.DYNAMIC_RIGID, duration=0.01).outcome != "invalid"

@@ -26,6 +26,7 @@ from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.live.planar import Growing, contacts_of
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
+from rungwise.simulation.planar.begin import take_start
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import begin_inputs
 from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate
@@ -35,7 +36,6 @@ from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
-from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
     from rungwise.simulation.reasons.hard_steps import HardSteps
@@ -120,7 +120,7 @@ class Simulation(Turns):
             self._control,
         )  # fmt: skip
         if state is None:
-            start(records, self.workspace.state.q, self.workspace.state.v)
+            take_start(records, self._rung, self.workspace.state)
             begin_inputs(self._setting.inputs, self._bound.buffer, self.workspace)
             code = loop.begin(records, self._rung, self._control, self.workspace)
             if code == Code.INVALID:

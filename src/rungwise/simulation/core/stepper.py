@@ -114,6 +114,8 @@ class Stepper:
         size = self.system.size
         n, d = size.velocities, size.directions
         self.q, v = (np.array(part, float) for part in self.system.start())
+        if self.rung.inertia == 0.0:
+            v[:] = 0.0
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d))
         self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d))
         self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded)

@@ -6,7 +6,16 @@ from rungwise.kernel import RecordArray, kernel
 from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.loop import CLOSED, begin
 from rungwise.simulation.planar.state.verdicts import INVALID
-from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.state.workspace import State, Workspace
+from rungwise.system.planar.place import start
+
+
+@kernel
+def take_start(records: Records, rung: RecordArray, state: State) -> None:
+    """Let the scene's start be the state; rungs without momentum begin at rest."""
+    start(records, state.q, state.v)
+    if rung[0].inertia == 0.0:
+        state.v[:] = 0.0
 
 
 @kernel

@@ -10,7 +10,7 @@ from rungwise.scene.bind.bind import bind
 from rungwise.scene.template.faults import BOUND
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Bounds, Numbers
-from rungwise.simulation.planar.begin import begin_by_hand
+from rungwise.simulation.planar.begin import begin_by_hand, take_start
 from rungwise.simulation.planar.loop import STOPPED, Setting, begin, first_verdict, run_step
 from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.state.memory import clear, go_on
@@ -24,7 +24,6 @@ from rungwise.simulation.planar.state.verdicts import (
     margins,
 )
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace
-from rungwise.system.planar.place import start
 
 RESULT = record_type("outcome steps attempts solves switches", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
@@ -150,7 +149,7 @@ def _prepare(
         copy(row[n : 2 * n], state.v)
         state.clock[0].time = row[2 * n]
     else:
-        start(records, state.q, state.v)
+        take_start(records, rung, state)
     _set_schedule(samples, i, options, place)
     begin_inputs(place.inputs, place.buffer, workspace)
     if bodies.shape[0] > 0 and memory < 0:
