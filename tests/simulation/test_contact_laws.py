@@ -121,6 +121,34 @@ def test_leaving_takes_the_work_of_the_pull_over_its_range() -> None:
         assert kinetic == pytest.approx(works, abs=1e-9)
 
 
+@pytest.mark.parametrize("part", [0.97, 1.03])
+@on_loaded
+def test_a_finger_lifts_what_sticks_to_it_more_than_to_the_floor(rung: Rung, part: float) -> None:
+    """A grain of 20 micrometres: its weight, 1e-10 N, is nothing beside adhesion, and counts all the same."""
+    density, radius, floor = 2500.0, 2e-5, 2e-7
+    weight = density * math.pi * radius**2 * G
+    grain = {
+        "role": "object", "shape": {"kind": "disc", "radius": radius}, "density": density,
+        "pose": {"y": radius}, "motion": {"kind": "free"},
+    }  # fmt: skip
+    finger = {
+        "role": "robot", "shape": {"kind": "box", "width": 1e-4, "height": 1e-5},
+        "pose": {"y": 2 * radius + 5e-6}, "motion": {"kind": "slide", "axis": [0, 1]},
+        "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1e-5}}},
+    }  # fmt: skip
+    common = {"adhesion_range": 1e-8, "stiffness": 100.0, "damping": 1e-3}
+    data = {
+        "name": "pick", "gravity": [0, -G], "tolerance": 1e-8, "duration": 1.0, "step": 1e-3,
+        "bodies": {"grain": grain, "finger": finger, "floor": on_floor(disc(), {})["bodies"]["floor"]},
+        "contacts": [
+            {"between": ["grain", "floor"], "adhesion": floor} | common,
+            {"between": ["grain", "finger"], "adhesion": part * (floor + weight)} | common,
+        ],
+        "goal": "grain.y >= 2.2e-5",
+    }  # fmt: skip
+    assert rw.simulate(data, rung).outcome == ("goal" if part > 1.0 else "timeout")
+
+
 # Restitution that falls with speed.
 
 
