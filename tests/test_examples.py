@@ -302,6 +302,15 @@ def test_figure_1(
     assert 0.15 < parts["feasible:"] < 0.2 and parts["doomed:"] > 0.4
 
 
+def test_three_fingers_lift_a_ball_where_there_is_friction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = tmp_path / "space.png"
+    assert script("examples/space_frames.py", monkeypatch).main([str(drawn)]) == 0
+    assert capsys.readouterr().out.splitlines() == ["kinematic: missed", "dynamic-compliant: goal"]
+    assert drawn.stat().st_size > 20_000
+
+
 def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     race = script("benchmarks/race.py", monkeypatch)
     # Some of them fail on import where every warning is an error.
