@@ -96,8 +96,8 @@ CASES: list[tuple[str, Any, str]] = [
     ("parameters.mu.default", 2.0, "parameters.mu: range must be [low, high] with low <= default <= high"),
 ]
 REFUSED = {
-    "an actuator with a state of its own": (
-        '<general name="m" joint="j" dyntype="integrator" actlimited="true" actrange="-1 1"/>', ""
+    "an actuator with a state of another kind": (
+        '<general name="m" joint="j" dyntype="muscle" actlimited="true" actrange="0 1"/>', ""
     ),
     "an actuator whose gain changes": ('<general name="m" joint="j" gaintype="affine" gainprm="1 1"/>', ""),
     "an actuator that adheres": ('<adhesion name="m" body="b" ctrlrange="0 1"/>', ""),

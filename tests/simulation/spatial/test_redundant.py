@@ -52,7 +52,7 @@ def test_what_is_said_twice_is_said_once(make: Make, how: str, turn: str, rung: 
     pull = 2.0
     runs = [rw.simulate(loop(make, each, turn, pull), rung) for each in (LEAST + weld, AGAIN[how])]
     assert [run.outcome.name for run in runs] == 2 * [runs[0].outcome.name], runs[1].reason
-    assert runs[1].outcome.name in ("timeout", "unsupported", "model_invalid"), runs[1].reason
+    assert runs[1].outcome != "jammed", runs[1].reason
     if runs[0].outcome == "timeout":
         one, other = (run.final["left"]["left"] for run in runs)
         assert one == pytest.approx(other, abs=2e-3)

@@ -76,8 +76,8 @@ class Told(NamedTuple):
 class SpaceBound:
     """A scene with every number known.
 
-    law (g, g), laws (l, 8): see `scene.space.laws`; place (n_q,), motion (n_v,): the start; control (a,) and
-    pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
+    law (g, g), laws (l, 8): see `scene.space.laws`; place (n_q,), motion (n_v,), activation (k,): the start;
+    control (a,) and pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
     """
 
     model: mujoco.MjModel
@@ -85,6 +85,7 @@ class SpaceBound:
     laws: Reals
     place: Reals
     motion: Reals
+    activation: Reals
     control: Reals
     pace: Reals
     told: Told
@@ -138,6 +139,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
     except SceneError as error:
         raise InvalidScene(str(error)) from None
     place, motion, control = _start(scene, model, number)
+    key = _keyframe(scene, model)
     notes: tuple[str, ...] = ()
     if spec.compiler.balanceinertia and path.suffix.lower() == ".urdf":
         notes = ("model: inertias that no body can have were balanced: equal about all axes",)
@@ -147,6 +149,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         notes += moved
     bound = SpaceBound(
         model=model, law=law, laws=laws, place=place, motion=motion, control=control,
+        activation=np.zeros(model.na) if key is None else model.key_act[key].copy(),
         pace=np.full(model.nv, np.nan), told=scene.told, values=values,
         tolerance=number.positive(file.tolerance, "tolerance"),
         duration=number.positive(file.duration, "duration"),

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 BODY = 5
 """Number of MuJoCo's transmission that adheres."""
+FILTERS = 3
+"""Greatest of MuJoCo's numbers of actuators that act at once, after a filter, or by an integral."""
 AFFINE = 1
 """Number of MuJoCo's affine bias."""
 OF_JOINTS = 1
@@ -25,7 +27,8 @@ SWITCHES = ("ACTUATION", "CLAMPCTRL", "SPRING", "DAMPER")
 """Flags of MuJoCo that change motion when they are off and that MuJoCo's kinematics do not read."""
 
 WAYS_OUT = {
-    "an actuator with a state of its own": 'dyntype="none" in the model file lets it act at once',
+    "an actuator with a state of another kind": 'dyntype="none" in the model file lets it act at once,'
+    ' dyntype="filterexact" after a while',
     "a fluid": 'density="0" viscosity="0" of <option> in the model file leave it out',
     "an actuator that adheres": "without it in the model file the rest runs",
     "a deformable body (flex)": "a rigid body in its place runs",
@@ -65,7 +68,10 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
     return [
         ("a deformable body (flex)", [f"flex {i}" for i in range(m.nflex)]),
         ("a plugin", [f"plugin {i}" for i in range(m.nplugin)]),
-        ("an actuator with a state of its own", _of(actuators, m.actuator_dyntype != 0)),
+        (
+            "an actuator with a state of another kind",
+            _of(actuators, m.actuator_dyntype > FILTERS),
+        ),
         ("an actuator whose gain changes", _of(actuators, m.actuator_gaintype != 0)),
         ("an actuator whose bias is not affine", _of(actuators, m.actuator_biastype > AFFINE)),
         ("an actuator that adheres", _of(actuators, m.actuator_trntype == BODY)),

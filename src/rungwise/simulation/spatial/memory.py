@@ -30,8 +30,8 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
     state, scratch, kept = stepper.state, stepper.scratch, space.kept
     return _Arrays(
         [
-            state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, stepper.terms.fall,
-            kept.used,
+            space.activation, state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode,
+            stepper.terms.fall, kept.used,
         ],
         [state.modes, state.deformation, state.force, state.impulse],
         [kept.geoms, kept.place, kept.along, kept.world],
@@ -51,6 +51,12 @@ def remembered(stepper: Stepper, space: Space) -> Reals:
         *(each[known] for each in arrays.features),
     ]
     return np.concatenate([head, active, known, *flattened(parts)])
+
+
+def activations(core: Reals, count: int) -> Reals:
+    """The activations (k,) in such a memory."""
+    first = HEAD + int(core[5:HEAD].sum())
+    return core[first : first + count].copy()
 
 
 def _sizes(stepper: Stepper, space: Space) -> list[int]:

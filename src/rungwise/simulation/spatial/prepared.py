@@ -28,4 +28,5 @@ class Prepared(NamedTuple):
         """Raises InvalidScene, naming the field, where the scene is impossible at these parameters."""
         bound = scene.bind(parameters)
         laws = Laws(bound.law, bound.laws)
-        return cls(bound, Space(bound.model, laws, bound.place, bound.motion, bound.control, bound.pace))
+        told = bound.control, bound.pace, bound.activation
+        return cls(bound, Space(bound.model, laws, bound.place, bound.motion, *told))

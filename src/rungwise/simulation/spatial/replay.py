@@ -20,10 +20,12 @@ from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.simulation.inputs import condition
 from rungwise.simulation.moving.lasting import Times
+from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame
+from rungwise.simulation.spatial.memory import activations
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.wording import choices
 
@@ -190,6 +192,8 @@ class _Course:
     def start(self) -> _Place:
         first = self.run.frames[0]
         self.data.qpos[:], self.data.qvel[:], self.data.time = first.q, first.v, first.time
+        core = first.memory[memory_parts(self.run.scene).core]
+        self.data.act[:] = activations(core, self.model.na)
         return _Place(first.q, first.v, self.bound.control.copy())
 
     def at(self, time: float) -> _Place:

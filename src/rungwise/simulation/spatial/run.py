@@ -67,6 +67,7 @@ class SpaceSimulation(MovingSimulation):
         self._turning.begin(stepper.q, stepper.v)
         wish = super()._stepped(stepper, h)
         if stepper.time > begun:
+            self.space.took(stepper.time - begun)
             self._turning.end(stepper.q, stepper.v, stepper.time - begun, stepper.terms)
         return wish
 
@@ -76,11 +77,13 @@ class SpaceSimulation(MovingSimulation):
         told = self._values.told
         if not self._bound.told.targets:
             self._clock.tell(time + h, told)
+            self.space.expect(h)
             return
         self._clock.tell(time + 0.5 * h, told)
         self._bound.tell(told, ("speeds",))
         self._clock.tell(time + h, told)
         self._bound.tell(told, ("controls",))
+        self.space.expect(h)
 
     def remembered(self) -> Reals:
         assert self.stepper is not None

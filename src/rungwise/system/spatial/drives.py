@@ -8,6 +8,7 @@ range of force that is not symmetric is a load in its middle and a symmetric ran
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
     from rungwise.scene.space import SpaceBound
 
+INTEGRATOR = 1
+"""MuJoCo's number of actuators that act by the integral of their control."""
 FREE, BALL, SLIDE, HINGE = range(4)
 """MuJoCo's numbers of joints: free bodies, balls, along an axis, about one."""
 
@@ -41,25 +44,54 @@ class Drives:
 
     def control(self, given: Reals) -> Reals:
         """Controls (a,) within their ranges."""
+        return np.asarray(np.clip(given, *self._controls))
+
+    @cached_property
+    def _controls(self) -> tuple[Reals, Reals]:
         m = self.model
         low = np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 0], -np.inf)
-        high = np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 1], np.inf)
-        return np.asarray(np.clip(given, low, high))
+        return low, np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 1], np.inf)
 
-    def constant(self, control: Reals) -> Reals:
-        """Forces (a,) without length and rate."""
-        return np.asarray(self.model.actuator_gainprm[:, 0] * self.control(control) + self.bias)
+    def acting(self, control: Reals, activation: Reals) -> Reals:
+        """What actuators act by (a,): controls within their ranges, and the activation (k,) of those that
+        have one."""
+        found = self.control(control)
+        found[self._lasting] = activation
+        return found
 
-    def load(self, control: Reals, moment: Reals) -> Reals:
+    def activated(self, activation: Reals, control: Reals, h: float) -> Reals:
+        """Activations (k,) after a time h at these controls: of a filter, and of an integrator, exactly."""
+        m, own = self.model, self._lasting
+        if not len(own):
+            return activation
+        told = self.control(control)[own]
+        constant = np.maximum(m.actuator_dynprm[own, 0], np.finfo(float).tiny)
+        filtered = activation - (told - activation) * np.expm1(-h / constant)
+        after = np.where(m.actuator_dyntype[own] == INTEGRATOR, activation + h * told, filtered)
+        limited = m.actuator_actlimited[own] != 0
+        low, high = m.actuator_actrange[own].T
+        return np.asarray(np.where(limited, np.clip(after, low, high), after))
+
+    @cached_property
+    def _lasting(self) -> Ints:
+        """Actuators with an activation, in the order of these."""
+        own = np.flatnonzero(self.model.actuator_dyntype)
+        return own[np.argsort(self.model.actuator_actadr[own])]
+
+    def constant(self, acting: Reals) -> Reals:
+        """Forces (a,) without length and rate, of what actuators act by (see `acting`)."""
+        return np.asarray(self.model.actuator_gainprm[:, 0] * acting + self.bias)
+
+    def load(self, acting: Reals, moment: Reals) -> Reals:
         """The load (n,) of forces, within their ranges, and of the middles of servos; moment (a, n)."""
-        force = np.clip(self.constant(control) - self.middle, -self.limit, self.limit) + self.middle
+        force = np.clip(self.constant(acting) - self.middle, -self.limit, self.limit) + self.middle
         force[self.servos] = self.middle[self.servos]
         return np.asarray(force @ moment)
 
-    def errors(self, control: Reals, length: Reals, loads: bool) -> Reals:
+    def errors(self, acting: Reals, length: Reals, loads: bool) -> Reals:
         """K_p times the error of place, plus K_d times the speed wished for, of each servo (s,); `loads`:
         whether the middles of servos act beside it."""
-        wish = self.constant(control)[self.servos]
+        wish = self.constant(acting)[self.servos]
         if loads:
             wish -= self.middle[self.servos]
         return np.asarray(wish - self.gains[:, 0] * length[self.servos])
@@ -117,10 +149,11 @@ def joints_of(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def targets(bound: SpaceBound, joints: list[int]) -> Reals:
-    """Where the servos of joints lead them (k,) at the controls told now; nan for a joint that not one servo
-    of its own leads."""
+    """Where the servos of joints lead them (k,) at the controls told now, in the end; nan for a joint that
+    not one servo of its own leads, or one whose control is a speed."""
     m, own = bound.model, drives(bound.model)
-    wish = own.constant(bound.control)[own.servos]
+    wish = own.constant(own.control(bound.control))[own.servos]
+    wish[m.actuator_dyntype[own.servos] == INTEGRATOR] = np.nan
     found = np.full(len(joints), np.nan)
     for k, joint in enumerate(joints):
         servos = [

@@ -33,7 +33,7 @@ class Limited:
         self.limits = Limits(model)
         self._basis = self._own = np.zeros((0, len(lever) + 1))
 
-    def fill(self, d: mujoco.MjData, moment: Reals, control: Reals, loads: bool, terms: Terms) -> None:
+    def fill(self, d: mujoco.MjData, moment: Reals, acting: Reals, loads: bool, terms: Terms) -> None:
         """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
         rung has loads."""
         drive = self.drives
@@ -59,7 +59,7 @@ class Limited:
         terms.error[ne : ne + nf] = 0.0
         own = unit[ne + nf :]
         terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
-        wish = drive.errors(control, d.actuator_length, loads)
+        wish = drive.errors(acting, d.actuator_length, loads)
         # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
         stiff, damp = drive.gains.T
         with np.errstate(divide="ignore", invalid="ignore"):

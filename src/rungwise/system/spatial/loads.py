@@ -47,14 +47,14 @@ class Loads:
         self._springs = any(bool(part.any()) for part in parts)
 
     def fill(
-        self, data: mujoco.MjData, moment: Moment, control: Reals, pace: Reals, free: bool, terms: Terms
+        self, data: mujoco.MjData, moment: Moment, acting: Reals, pace: Reals, free: bool, terms: Terms
     ) -> None:
-        """Fill terms at the data's places, for controls (a,) and speeds (n,), nan where free; `free`:
-        everywhere."""
+        """Fill terms at the data's places, for what actuators act by (a,) and speeds (n,), nan where free;
+        `free`: everywhere."""
         self._mujoco.mj_fullM(self.model, data, terms.inertia)
         if moment.inertia == 0.0:
             self._fill_metric(data.qpos, terms)
-        self._fill_loads(data, moment, control, terms)
+        self._fill_loads(data, moment, acting, terms)
         if free:
             self._mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
         else:
@@ -73,7 +73,7 @@ class Loads:
         self._mujoco.mj_makeM(model, data)
         self._mujoco.mj_fullM(model, data, terms.metric)
 
-    def _fill_loads(self, d: mujoco.MjData, moment: Moment, control: Reals, terms: Terms) -> None:
+    def _fill_loads(self, d: mujoco.MjData, moment: Moment, acting: Reals, terms: Terms) -> None:
         m, eps, load = self.model, float(moment.inertia), terms.load
         d.qvel[:] = moment.v if eps > 0.0 else 0.0
         self._mujoco.mj_comVel(m, d)
@@ -92,7 +92,7 @@ class Loads:
             load += d.qfrc_spring + d.qfrc_gravcomp
         if m.nu:
             fill_moments(d, self.moment)
-            self.driving = self.drives.load(control, self.moment)
+            self.driving = self.drives.load(acting, self.moment)
             load += self.driving
         if terms is not self._filled or self._springs:
             self._fill_yielding(d, terms)

@@ -75,7 +75,8 @@ and 35, are as great as the overlap that rigid contacts allow. Chosen by trial."
 @dataclass
 class Space:
     """A model at given controls (a,) and speeds (n,), nan where a velocity is free; both may change between
-    steps. `place` and `motion` are the start."""
+    steps. `place`, `motion` and `begun`, the activations (k,), are the start; `activation` (k,) are those at
+    the start of a step, and `acting` (a,) is what actuators act by in it."""
 
     model: mujoco.MjModel
     laws: Laws
@@ -83,6 +84,9 @@ class Space:
     motion: Reals
     control: Reals
     pace: Reals
+    begun: Reals
+    activation: Reals = field(init=False)
+    acting: Reals = field(init=False)
     size: Size = field(init=False)
     kept: Features = field(init=False)
     _found: Features = field(init=False)
@@ -138,6 +142,7 @@ class Space:
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
         self._from = self._filled = self.place
         self._heard = 0
+        self.activation = self.begun.copy()
         self.forget()
         # By whether there are several contacts: numpy's arrays of one are contiguous, another type.
         self._fill_contacts = steady(fill_contacts), steady(fill_contacts)
@@ -261,8 +266,8 @@ class Space:
         if reach > self.margin or FALLEN * reach < self.margin > self._near:
             self.look_within(max(min(AHEAD * reach, self.size.farthest), self._near))
         self._at(moment.q)
-        self.loads.fill(d, moment, self.control, self.pace, self._all_free, terms)
-        self.limited.fill(d, self.loads.moment, self.control, not moment.metric, terms)
+        self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
+        self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
         count = self._fill_contacts[d.ncon > 1](
             self._seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
         )
@@ -293,9 +298,21 @@ class Space:
         self._filled = moment.q
 
     def forget(self) -> None:
-        """Know no contact, and look for contacts as near as at first."""
+        """Know no contact, look for contacts as near as at first, and begin with the activations of the
+        start."""
+        self.activation[:] = self.begun
+        self.expect(0.0)
         self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
         self.look_within(self._near)
+
+    def expect(self, h: float) -> None:
+        """Let actuators act as they do at the end of a step of length h."""
+        drives = self.drives
+        self.acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
+
+    def took(self, h: float) -> None:
+        """Let activations go on by a step of length h that was taken."""
+        self.activation[:] = self.drives.activated(self.activation, self.control, h)
 
     def look_within(self, margin: float) -> None:
         """Look for contacts within a distance from now on."""

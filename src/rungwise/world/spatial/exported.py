@@ -14,6 +14,7 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.bind import specified
 from rungwise.scene.space.packages import with_files
 from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.spatial.memory import activations
 from rungwise.simulation.state import State, digest
 from rungwise.world.parts import ExportError
 
@@ -64,11 +65,14 @@ def _keyframes(scene: SpaceScene, parameters: Mapping[str, float], states: Seque
     bound, own = scene.bind(parameters), digest(scene)
     lines = ["  <keyframe>\n"]
     for k, state in enumerate(states):
-        values = np.array([*parameters.values(), state.time])
+        values, activation = np.array([*parameters.values(), state.time]), bound.activation
         if state.memory is not None and state.memory.scene == own:
-            values = state.memory.values[memory_parts(scene).values][: len(values)].copy()
+            parts, memory = memory_parts(scene), state.memory.values
+            values = memory[parts.values][: len(values)].copy()
+            activation = activations(memory[parts.core], len(activation))
         bound.tell(values)
-        fields = {"time": np.array([state.time]), "qpos": state.q, "qvel": state.v, "ctrl": bound.control}
+        fields = {"time": np.array([state.time]), "qpos": state.q, "qvel": state.v, "act": activation}
+        fields["ctrl"] = bound.control
         told = "".join(f" {name}={quoteattr(_row(row))}" for name, row in fields.items() if len(row))
         lines.append(f'    <key name="state{k}"{told}/>\n')
     return "".join([*lines, "  </keyframe>\n"])
