@@ -27,7 +27,9 @@ import assemblies
 def turned(problem: rw.Problem) -> rw.Problem:
     """The same with velocities counted in other directions for each body: inertia is no diagonal then."""
     n, rng = problem.velocities, np.random.default_rng(0)
-    turns = sp.block_diag([np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(n // 6)], format="csr")
+    turns = sp.block_diag(
+        [sp.coo_array(np.linalg.qr(rng.normal(size=(6, 6)))[0]) for _ in range(n // 6)], format="csr"
+    )
     whole = sp.block_diag([sp.eye_array(problem.rows), turns], format="csr")
     A, b = whole.T @ problem.A @ whole, whole.T @ problem.b
     return rw.Problem(A, b, problem.mu, 3, problem.lower, problem.upper, n)
@@ -86,7 +88,7 @@ def test_linear_systems_are_solved_in_velocities(problem: rw.Problem) -> None:
     E, L = rng.normal(size=(2, system.size, 3))
     factors = condensed.solver(system.condensed, system.rows, 3, E, L)
     assert factors is not None
-    whole, weight = (sp.block_diag(list(M.reshape(-1, 3, 3))).toarray() for M in (E, L))
+    whole, weight = (sp.block_diag(list(map(sp.coo_array, M.reshape(-1, 3, 3)))).toarray() for M in (E, L))
     J, right = whole + weight @ schur(problem, system), rng.normal(size=system.size)
     np.testing.assert_allclose(J @ factors.solve(right), right, atol=1e-8)
     assert factors.sign == np.linalg.slogdet(J)[0]
@@ -128,7 +130,9 @@ def test_the_inverse_of_small_blocks() -> None:
     rng = np.random.default_rng(5)
     widths = [1, 3, 2, 6, 1, 12]
     order = rng.permutation(sum(widths))
-    A = sp.block_diag([rng.normal(size=(w, w)) for w in widths], format="csr")[order][:, order].tocoo()
+    A = sp.block_diag([sp.coo_array(rng.normal(size=(w, w))) for w in widths], format="csr")[order][
+        :, order
+    ].tocoo()
     i, j = np.argwhere(A.toarray() == 0.0)[0]  # an entry that is zero joins nothing
     entries = np.append(A.data, 0.0), (np.append(A.coords[0], i), np.append(A.coords[1], j))
     A = sp.csr_array(entries, shape=A.shape)

@@ -223,7 +223,7 @@ class Problem:
         k, d = len(p.mu), p.R.shape[-1] if p.R.ndim else 0
         if p.R.shape != (k, d, d):
             raise ValueError(f"R: has shape {p.R.shape}; mu makes it {(k, d, d)}")
-        R = sp.block_diag(list(p.R), format="csr") if len(p.R) else None
+        R = sp.block_diag(list(map(sp.coo_array, p.R)), format="csr") if len(p.R) else None
         return cls.balance(p.H, p.c, p.W, p.w, p.mu, directions=d, R=R, S=p.S, w_s=p.w_s, R_s=p.R_s, F=p.F)
 
     @classmethod

@@ -92,4 +92,4 @@ def _root(R: Matrix, d: int, name: str) -> Matrix:
             raise ValueError(f"{name}: must be symmetric and positive")
         kept = values > _ROUNDING * size
         own.append(axes[:, kept] * np.sqrt(values[kept]))
-    return sp.csr_array(sp.block_diag(own)) if R.shape[0] else sp.csr_array((0, 0))
+    return sp.block_diag(list(map(sp.coo_array, own)), format="csr") if R.shape[0] else sp.csr_array((0, 0))

@@ -220,7 +220,7 @@ def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
         push = np.hstack([push, np.zeros((len(push), 2 * m))])
         return cone, push, np.hstack([back[s.rows :], -np.eye(m), np.eye(m)])
     back = sp.csr_array(s.matrix().T)
-    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
+    cone = sp.block_diag(list(map(sp.coo_array, rays)), format="csr") if rays else sp.csr_array((0, 0))
     push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
     return cone, push, sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
 
