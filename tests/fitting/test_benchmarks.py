@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pytest
 
+import rungwise as rw
 from tests.test_examples import script
 
 SIDE = 0.03
@@ -80,3 +82,33 @@ def test_true_values_are_within_their_intervals_and_what_is_open_is_named(
     found = coverage.covered(case, 1, 8)
     assert found.named == 1.0 and set(found.within.values()) <= {0.0, 1.0}
     assert max(found.widths.values()) < 1.0
+
+
+def laws_and_squares(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
+    """The comparison of laws, and a few drops of a square."""
+    laws = script("benchmarks/laws.py", monkeypatch)
+    peers, data = (
+        script("benchmarks/real_peers.py", monkeypatch),
+        script("benchmarks/real.py", monkeypatch).DATA,
+    )
+    over = {laws.RIGID: ("mu", "e"), laws.COMPLIANT: ("mu", "K", "C")}
+    scene = peers.with_parameters(data / "square_drop.yaml")
+    drops = rw.Motions.from_csv(data / "square_drops.csv").take(range(4))
+    return laws, laws.Real("squares", scene, drops, 0.06, over)
+
+
+def test_laws_of_contact_fit_into_the_scenes_of_real_objects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laws, squares = laws_and_squares(monkeypatch)
+    for law in laws.LAWS:
+        found = laws.with_law(squares, law).parameters()
+        assert set(found) == {*squares.scene.parameters(), *law.over}
+
+
+@pytest.mark.long
+def test_a_law_is_fitted_and_scored_on_trials_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    laws, squares = laws_and_squares(monkeypatch)
+    values, errors = laws.scored(squares, laws.LAWS[1], 0)
+    assert set(values) == {"mu", "e"}
+    assert all(each.shape == (2,) and (each > 0.0).all() for each in errors)
