@@ -21,6 +21,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
+from rungwise.scene.template.records import SPEED
 from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.live.planar import Growing, contacts_of
@@ -193,6 +194,10 @@ class Simulation(Turns):
         begin_inputs(self._growing.since(last), self._bound.buffer, self.workspace)
         clock["segment"], clock["opened"] = last, began
         self._setting = self._setting._replace(inputs=self._growing.since(0))
+        if not clock[0]["steps"]:  # what is driven begins at the speeds that are told, without a jump
+            own = self._bound.records.coordinates
+            led = own["drive"] == SPEED
+            self.workspace.state.v[led] = own["drive_speed"][led]
 
     def _shorten(self, duration: float) -> None:
         assert self.workspace is not None and self._growing is not None
