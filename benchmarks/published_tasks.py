@@ -1,7 +1,7 @@
 """Planar tasks that others published, planned here: which rungs are reached, and in how many seconds.
 
     python benchmarks/published_tasks.py [--folder ../shared/tasks] [--seeds 5] [--limit 60] [--tasks hidex]
-        [--schedules] [--relatives 2] [--quasistatic]
+        [--schedules [--longer]] [--relatives 2] [--quasistatic]
 
 Each scene of the folder is planned on the default schedule from the seeds 0, 1, ..., for as long as the
 limit allows. A rung counts for a plan that was found where its replay there, at a tenth of the plan's error
@@ -19,6 +19,7 @@ planned in four ways, all ways of a seed in turn: with and without contact modes
 then on dynamic-compliant (the ladder), or on dynamic-compliant alone. A task counts as solved where there is
 a plan on dynamic-compliant, and as held where its replay at a tenth of the error comes to the goal there.
 Searches that find nothing count with their seconds; a ">" stands before the ratio where at least half do.
+With --longer only the tasks of `longer_tasks.py` are planned so.
 Steps are medians, searches that found nothing included; so are the seconds of `searching`, those on stages,
 without the diagnosis between stages and the replay that confirms a plan.
 """
@@ -39,6 +40,7 @@ from unittest.mock import patch
 
 import numpy as np
 import yaml
+from longer_tasks import longer
 from relatives import relative
 
 import rungwise as rw
@@ -199,15 +201,15 @@ def suits_modes(scene: rw.Scene) -> bool:
     return planner.suits(begin(task_of(scene), Budget(), 0, None))
 
 
-def print_schedules(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
-    """A row for each task and way, and in how many tasks the first way is faster than all others."""
+def print_schedules(scenes: Sequence[rw.Scene], seeds: Sequence[int], limit: float) -> None:
+    """A row for each task and way, and in how many tasks the first way is faster than all others, and the
+    ways by contact modes faster than those without."""
     print(
         f"{'task':34} {'way':22} {'solved':>8} {'held':>5} {'median s':>9} {'ratio':>7} {'searching':>9}"
         f" {'quasistatic-rigid':>18} {'dynamic-compliant':>18}"
     )
-    gains = dict[str, float]()
-    for file in files:
-        scene = rw.load(file)
+    gains, by_modes = dict[str, float](), dict[str, float]()
+    for scene in scenes:
         if not suits_modes(scene):
             print(f"{scene.name:34} inputs alone lead its robots: no contact modes")
             continue
@@ -218,10 +220,22 @@ def print_schedules(files: Sequence[Path], seeds: Sequence[int], limit: float) -
             for label, way in WAYS.items():
                 tallies[label].add(way, scene, seed, limit)
         gains[scene.name] = print_tallies(scene.name, tallies)
+        by_modes[scene.name] = _best(tallies, False) / _best(tallies, True)
     if gains:
         third = [name for name, gain in gains.items() if gain * THIRD >= 1.0]
         print(f"a third of the time of the best other way, or less: {len(third)} of {len(gains)} tasks")
         print(f"faster than the best other way: {sum(gain > 1.0 for gain in gains.values())} of {len(gains)}")
+        third = [name for name, gain in by_modes.items() if gain * THIRD >= 1.0]
+        print(
+            "by contact modes, on whichever rungs, a third of the time of drawn moves, or less:"
+            f" {len(third)} of {len(by_modes)} tasks"
+        )
+
+
+def _best(tallies: Mapping[str, Tally], by_modes: bool) -> float:
+    """The least median of the ways by contact modes, or of the others; 1e9 where they mostly find nothing."""
+    own = [tally for label, tally in tallies.items() if WAYS[label].by_modes == by_modes]
+    return min((float(np.median(tally.seconds)) for tally in own if not tally.mostly_fails), default=1e9)
 
 
 def print_tallies(name: str, tallies: Mapping[str, Tally]) -> float:
@@ -259,17 +273,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--quasistatic", action="store_true", help="other plans for the rung on which one does not hold"
     )
+    parser.add_argument("--longer", action="store_true", help="longer tasks in place of all others")
     given = parser.parse_args(arguments)
     named = tuple(given.tasks.split(","))
     files = [file for file in sorted(given.folder.glob("*.yaml")) if file.stem.startswith(named)]
     if given.schedules:
         files += [file for file in with_fingers() if file.stem.startswith(named) and file not in files]
-    if not files:
+    if given.schedules and given.longer:
+        scenes = [scene for scene in longer(given.folder) if scene.name.startswith(named)]
+        print_schedules(scenes, range(given.seeds), given.limit)
+    elif not files:
         print(f"no scenes in {given.folder}: nothing is planned")
     elif given.relatives:
         print_relatives(files, given.relatives, range(given.seeds), given.limit)
     elif given.schedules:
-        print_schedules(files, range(given.seeds), given.limit)
+        print_schedules([rw.load(file) for file in files], range(given.seeds), given.limit)
     else:
         print_all(files, range(given.seeds), given.limit, given.quasistatic)
 

@@ -168,6 +168,33 @@ def test_benchmark_of_published_tasks(
     assert told == "  its authors: in 2 s"
 
 
+def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each begins with bodies apart, away from its goal, and may take more moves than its model."""
+    longer = script("benchmarks/longer_tasks.py", monkeypatch).longer(Path("nowhere"))
+    assert len({scene.name for scene in longer}) == len(longer) == 4
+    published = script("benchmarks/published_tasks.py", monkeypatch)
+    for scene in longer:
+        assert published.suits_modes(scene)
+        assert scene.file.task is not None and scene.file.task.moves[1] > 12
+        assert rw.simulate(scene, "quasistatic-rigid", duration=0.1).outcome == rw.Outcome.MISSED
+
+
+@pytest.mark.long
+def test_costs_of_contact_modes_are_counted_on_both_rungs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Trees, legs and runs take less than the whole."""
+    costs = script("benchmarks/mode_costs.py", monkeypatch)
+    costs.main(["--folder", str(tmp_path), "--seeds", "1", "--tasks", "corner"])
+    rows = [row.split() for row in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[:2] for row in rows] == [
+        ["corner_pivot", name] for name in ("quasistatic-rigid", "dynamic-compliant")
+    ]
+    for row in rows:
+        assert row[2:5] == ["1", "of", "1"] and int(row[6]) > 0 and int(row[9]) > 0 and int(row[12]) > 0
+        assert 0 < sum(int(part.rstrip("%")) for part in (row[8], row[11], row[14])) <= 101
+
+
 def test_relatives_are_told_where_there_are_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
