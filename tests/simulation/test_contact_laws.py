@@ -149,6 +149,48 @@ def test_a_finger_lifts_what_sticks_to_it_more_than_to_the_floor(rung: Rung, par
     assert rw.simulate(data, rung).outcome == ("goal" if part > 1.0 else "timeout")
 
 
+@pytest.mark.few(4)
+@pytest.mark.parametrize("accuracy", [{"step": 1e-3}, {"step": 1e-2}, {"tol": 1e-3}, {"tol": 1e-6}], ids=str)
+@pytest.mark.parametrize("speed", [0.04, 0.1])
+@pytest.mark.parametrize("rung", MOMENTUM, ids=lambda rung: rung.name)
+def test_a_short_range_takes_its_work_at_every_step(
+    rung: Rung, speed: float, accuracy: dict[str, Any]
+) -> None:
+    """In a step of 1e-3 the pull would stop a ball at a speed of 1."""
+    ball = disc(coordinates={"y": {"speed": speed}})
+    data = on_floor(ball, {"adhesion": 1e3}, gravity=[0, 0], duration=0.1)
+    left = math.sqrt(max(speed**2 - 2.0 * 1e3 * 1e-6, 0.0))
+    assert of(rw.simulate(data, rung, **accuracy), "body.y", "velocity")[-1] == pytest.approx(left, abs=1e-3)
+
+
+@pytest.mark.parametrize("tol", [None, 1e-3, 1e-5])
+def test_what_is_gained_where_the_pull_begins_is_lost_where_it_ends(tol: float | None) -> None:
+    """A ball falls on a floor that pulls, without gravity, and bounces."""
+    pull, reach, e = 5.0, 0.01, 0.5
+    ball = disc(0.05, coordinates={"y": {"speed": -1.0}})
+    law = {"adhesion": pull, "adhesion_range": reach, "restitution": e}
+    run = rw.simulate(on_floor(ball, law, gravity=[0, 0], duration=0.2), rw.DYNAMIC_RIGID, tol=tol)
+    work = 2.0 * pull * reach
+    expected = math.sqrt(e**2 * (1.0 + work) - work)
+    assert of(run, "body.y", "velocity")[-1] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("accuracy", [{"step": 1e-3}, {"step": 5e-4}, {"tol": 1e-4}], ids=str)
+@on_loaded
+def test_a_ball_sticks_to_a_ball_that_it_slides_around(rung: Rung, accuracy: dict[str, float]) -> None:
+    """A step along the tangent leaves a gap beyond the range, and is not what parts them."""
+    drag = 0.0 if rung.inertia > 0.0 else 10.0
+    pose = {"x": 1.1 * math.sin(0.2), "y": 1.1 * math.cos(0.2)}
+    body = disc(pose=pose, coordinates={c: {"damping": drag} for c in ("x", "y")})
+    data = on_floor(body, {"adhesion": 100.0}, duration=1.4)
+    data["bodies"]["floor"]["shape"] = {"kind": "disc", "radius": 1.0}
+    run = rw.simulate(data, rung, **accuracy)
+    away = np.hypot(of(run, "body.x"), of(run, "body.y")) - 1.1
+    assert np.abs(away).max() < 3e-4
+    assert of(run, "body.y").min() < (-1.0 if rung.inertia > 0.0 else 1.0)
+
+
 # Restitution that falls with speed.
 
 
