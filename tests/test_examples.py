@@ -498,3 +498,13 @@ def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(
     found = json.loads(capsys.readouterr().out)
     assert {row["outcome"] for row in found["pushes"] if row["led"]} == {"goal"}
     assert all(abs(row["turned"]) > 1.0 for row in found["pushes"] if not row["led"])
+
+
+def test_fingers_in_space_hold_on_rungs_with_forces(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/fingers_in_space.py", monkeypatch)
+    assert example.main(["floor_push"]) == 0
+    printed = capsys.readouterr().out
+    for model in rw.LADDER[2:]:
+        assert re.search(rf"{model.name} +goal", printed)

@@ -16,6 +16,8 @@ CLEAR = 0.02
 """Gap, in parts of the size, that an object keeps on its way."""
 APART = 0.5
 """How far places on the way are from each other at most, in parts of the size."""
+RANK = 1e-6
+"""Rates of gaps, in parts of the size, below which a contact adds nothing to others."""
 ROOM = 3.0
 """Room about start and goal for the way, in parts of the size."""
 
@@ -23,6 +25,8 @@ ROOM = 3.0
 def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]) -> Reals | None:
     """Places (k, n) of the object on its way from q (n,) to the goal (n,); none where the straight way is
     free, or where it touches something at an end; None where no way was found."""
+    if len(ground.turns):
+        return _along_contacts(ground, q, goal, seed, in_time)
     none = np.zeros((0, len(q)))
 
     ends = np.stack([q, goal])
@@ -51,10 +55,54 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
     return None if way is None else _dense(ground, shortened(way, is_free))
 
 
+def _along_contacts(
+    ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]
+) -> Reals | None:  # fmt: skip
+    """See `guide`, in space: the object keeps the contacts that are closed at its start, as one that lies on
+    a floor, among all else; none where it does not keep them at the goal."""
+    none, size = np.zeros((0, len(q))), ground.task.size
+    seen = ground.look(q)
+    normals = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
+    _, sizes, axes = np.linalg.svd(normals, full_matrices=True)
+    basis = axes[int((sizes > RANK * size).sum()) :]
+    change = ground.off(q, goal)
+    if np.linalg.norm(change - change @ basis.T @ basis) > CLEAR * size or not len(basis):
+        return none
+    others = np.setdiff1d(ground.pairs, seen.touches.pairs[seen.closed])
+
+    def place(steps: Reals) -> Reals:
+        whole = np.zeros(len(ground.around.owners))
+        whole[ground.columns] = steps @ basis / ground.units
+        return ground.around.changed(q, whole)
+
+    ends = np.stack([np.zeros(len(basis)), basis @ change])
+    apart = [ground.around.least(place(end), others).min(initial=math.inf) for end in ends]
+    least = min(CLEAR * size, 0.5 * float(min(apart)))
+    if least <= 0.0:
+        return none
+
+    def is_free(a: Reals, b: Reals) -> bool:
+        length = math.sqrt(2.0) * float(np.linalg.norm(b - a))
+        return ground.around.is_clear(place(a), place(b), length, least, others)
+
+    if is_free(*ends):
+        return none
+    room = ROOM * size
+    way = grown(
+        ends[0], ends[1][None], list(range(len(basis))), ends.min(axis=0) - room, ends.max(axis=0) + room,
+        is_free, seed, lambda asked: asked <= CHECKS and in_time(),
+    )  # fmt: skip
+    if way is None:
+        return None
+    return _dense(ground, np.array([place(steps) for steps in shortened(way, is_free)]))
+
+
 def _dense(ground: Ground, way: Reals) -> Reals:
     """The way (k, n) with more places on its legs."""
     found = [way[:1]]
     for a, b in pairwise(way):
         count = max(1, math.ceil(ground.away(a, b) / (APART * ground.task.size)))
-        found.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
+        change = ground.around.change(a, b)
+        parts = np.linspace(0.0, 1.0, count + 1)[1:]
+        found.append(np.array([ground.around.changed(a, part * change) for part in parts]))
     return np.concatenate(found)

@@ -16,6 +16,8 @@ from rungwise.system.spatial.drives import BALL, FREE
 from rungwise.world.carriers import Near, Outline, Surfaces, Touches
 from rungwise.world.spatial.around.surface import surface
 
+ROUNDING = 1e-9
+"""Part by which a gap may be less than the least one."""
 CELLS = 1.0 / 3.0
 """A contact keeps its number while it is in the same cell of a geom: beyond this part of its half width on
 either side, or between, along each axis."""
@@ -156,6 +158,23 @@ class SpatialSurroundings:
                 apart = self._mujoco.mj_geomDistance(m, d, g, h, float(found[k]), None)
                 found[k] = min(found[k], apart)
         return found
+
+    def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:
+        change, left = self.change(a, b), [(0.0, 1.0, self._nearest(a, pairs), self._nearest(b, pairs))]
+        while left:
+            begin, end, near, far = left.pop()
+            if min(near, far) < least * (1.0 - ROUNDING):
+                return False
+            part = length * (end - begin)
+            if near + far - part >= 2.0 * least or part <= least:
+                continue
+            middle = 0.5 * (begin + end)
+            gap = self._nearest(self.changed(a, middle * change), pairs)
+            left += [(begin, middle, near, gap), (middle, end, gap, far)]
+        return True
+
+    def _nearest(self, q: Reals, pairs: Ints) -> float:
+        return float(self.least(q, pairs).min(initial=math.inf))
 
     def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
         d = self._placed(q)
