@@ -23,4 +23,4 @@ def __getattr__(name: str) -> object:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{meant}", name=name)
 
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
