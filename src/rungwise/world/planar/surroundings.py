@@ -13,6 +13,7 @@ from rungwise.scene import Scene
 from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.state.nearby import gather, look
 from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.straight import way_is_clear
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
@@ -20,7 +21,6 @@ from rungwise.system.terms import SUPPORT
 from rungwise.world.carriers import Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
-from rungwise.world.planar.straight import way_is_clear
 
 FEATURES = 4 * VERTICES * VERTICES
 """More than there are features of one pair of shapes."""

@@ -23,7 +23,7 @@ def way_is_clear(
     records: Records, workspace: Workspace, ends: tuple[Reals, Reals], length: float, least: float,
     pairs: Ints,
 ) -> bool:  # fmt: skip
-    """See `Surroundings.is_clear`."""
+    """See `world.carriers.Surroundings.is_clear`."""
     parts = np.empty((DEEPEST, 4))
     a, b = (np.ascontiguousarray(end) for end in ends)
     return bool(_stays(records, workspace, a, b, length, least, pairs, parts))
