@@ -295,6 +295,9 @@ def test_a_budget_below_the_first_cells_is_refused(scene: str) -> None:
 def test_wrong_input() -> None:
     with pytest.raises(rw.SetError, match="over: 1 to 6 parameters"):
         rw.feasible_set("two_finger", rw.KINEMATIC, ())
+    for over in ({"v1": (0, 2)}, "v1", None):
+        with pytest.raises(rw.SetError, match=r"over: must be a list of names of parameters, not .*box"):
+            rw.feasible_set("two_finger", rw.KINEMATIC, over)  # type: ignore[arg-type]
     with pytest.raises(rw.SetError, match="tol"):
         grasp(rw.KINEMATIC, tol=0.0)
     with pytest.raises(ValueError, match="shape"):

@@ -245,6 +245,8 @@ def feasible_set(
     deadline = Deadline(seconds(limit))
     loaded = load(scene)
     rung = moving_rung(model)
+    if isinstance(over, (str, Mapping)) or not hasattr(over, "__len__"):
+        raise SetError(f"over: must be a list of names of parameters, not {shown(over)}; intervals go to box")
     if not 1 <= len(over) <= MAX_AXES:
         raise SetError(f"over: 1 to {MAX_AXES} parameters, not {len(over)}")
     if not 1e-6 <= tol <= 0.25:
