@@ -42,7 +42,8 @@ DEVIATIONS = {
 
 
 def drops(
-    trials: int, frames: int = 30, *, seed: int = 0, rates: bool = True, noise: float = 1.0, **true: float
+    trials: int, frames: int = 30, *, seed: int = 0, rates: bool = True, noise: float = 1.0,
+    scene: dict[str, Any] = SCENE, rung: str = "dynamic-rigid", tol: float = 1e-4, **true: float,
 ) -> rw.Motions:  # fmt: skip
     """Measured drops at these parameters."""
     rng = np.random.default_rng(seed)
@@ -51,8 +52,8 @@ def drops(
         [rng.uniform(-1.0, 1.0, trials), rng.uniform(-1.5, -0.5, trials), rng.uniform(-10.0, 10.0, trials)]
     )
     found = rw.rollout(
-        SCENE, "dynamic-rigid", np.hstack([q, v]), durations=np.full((trials, frames), 0.004),
-        parameters=TRUE | true, tol=1e-4, threads=1,
+        scene, rung, np.hstack([q, v]), durations=np.full((trials, frames), 0.004),
+        parameters={n: x for n, x in (TRUE | true).items() if n in scene["parameters"]}, tol=tol, threads=1,
     )  # fmt: skip
     places = np.concatenate([q[:, None], found.q], axis=1)
     speeds = np.concatenate([v[:, None], found.v], axis=1)

@@ -7,9 +7,10 @@ import pytest
 
 import rungwise as rw
 from rungwise.deadline import NEVER
-from rungwise.fitting.certainty import _bootstrap
+from rungwise.fitting.certainty import Minimum, _bootstrap
+from rungwise.fitting.loss import EXPECTED, bend, losses, typical_losses
 from rungwise.fitting.prepare import Options, prepare
-from rungwise.fitting.search import EXPECTED, losses
+from rungwise.fitting.search import Best, merged, spread_apart, worse
 from rungwise.fitting.weights import by_sensitivity, free_flight, unexplained
 
 from .drops import NAMES, PLACE, RATE, SCENE, SPEED, TURN, drops
@@ -22,7 +23,7 @@ def test_in_flight_the_error_of_a_start_grows_with_time() -> None:
         trial.q[:, 1] += 1.0
     one = prepare(SCENE, rw.DYNAMIC_RIGID, motions, ("mu",), None, None, Options(np.inf, 3, None, None, 1, 0))
     runs, none = one.predictor(one.spans(), NEVER), np.zeros(3)
-    seen = by_sensitivity(one.layout, runs, np.array([0.3]), none)
+    seen = by_sensitivity(one.layout, runs, np.array([0.3]))
     times = runs.spans.since[0]
     own, rate = np.array([PLACE, PLACE, TURN]), np.array([SPEED, SPEED, RATE])
     assert seen.spread[0] == pytest.approx(np.sqrt(2.0 * own**2 + (rate * times[:, None]) ** 2), rel=1e-3)
@@ -38,13 +39,13 @@ def test_whitened_errors_of_normal_ones_are_standard() -> None:
     motions.trials[0].q[:, 1] += 1.0
     one = prepare(SCENE, rw.DYNAMIC_RIGID, motions, ("mu",), None, None, Options(np.inf, 3, None, None, 1, 0))
     runs = one.predictor(one.spans(), NEVER)
-    weights = by_sensitivity(one.layout, runs, np.array([0.3]), np.zeros(3))
+    weights = by_sensitivity(one.layout, runs, np.array([0.3]))
     factor = np.linalg.inv(weights.inverse[0])
     rng = np.random.default_rng(0)
     errors = (factor @ rng.normal(size=(9, 4000))).T.reshape(4000, 1, 3, 3)
     found = weights.whitened(errors)[:, 0]
     assert np.cov(found.T) == pytest.approx(np.eye(9), abs=0.08)
-    assert losses(found[None]) / found.size == pytest.approx(EXPECTED, rel=0.02)
+    assert typical_losses(found).mean() / 9 == pytest.approx(EXPECTED, rel=0.02)
 
 
 def test_what_a_model_does_not_explain_is_added_by_medians() -> None:
@@ -68,10 +69,58 @@ def test_intervals_of_a_straight_line_are_those_of_students_t(trials: int) -> No
     rng, unit = np.random.default_rng(2), np.array([0.5])
     widths, expected = [], []
     for _ in range(40):
-        values = rng.normal(size=trials) * 0.05
-        whitened, slopes = values[:, None], np.ones((1, trials, 1))
-        curvature = np.ones((trials, 1, 1))
-        low, high = _bootstrap(slopes, whitened, curvature, np.arange(trials), unit, 0)
+        values = rng.normal(size=(trials, 1)) * 0.05
+        only = Minimum(unit, 0.5 * values[:, 0] ** 2, values, np.ones((trials, 1, 1)))
+        (low, high), shares = _bootstrap([only], 0)
         widths.append((high - low)[0])
         expected.append(2.0 * t.ppf(0.975, trials - 1) * values.std(ddof=1) / np.sqrt(trials))
+        assert shares.tolist() == [1.0]
     assert np.mean(widths) == pytest.approx(np.mean(expected), rel=0.12)
+
+
+@pytest.mark.parametrize(("better", "joined"), [(0.0, True), (20.0, False)])
+def test_intervals_join_minima_that_trials_do_not_tell_apart(better: float, joined: bool) -> None:
+    """Each trial prefers one of two minima by chance, or all prefer the first one by as much."""
+    rng, trials = np.random.default_rng(1), 40
+    prefers = rng.normal(size=trials)
+    prefers += better - prefers.mean()
+    first = rng.normal(size=(trials, 1))
+    second = np.full((trials, 1, 1), 1e3)
+    minima = [
+        Minimum(np.array([0.2]), np.zeros(trials), first, second),
+        Minimum(np.array([0.7]), prefers, first, second),
+    ]
+    (low, high), shares = _bootstrap(minima, 0)
+    assert low[0] == pytest.approx(0.2, abs=0.01)
+    assert high[0] == pytest.approx(0.7 if joined else 0.2, abs=0.01)
+    assert shares[1] == pytest.approx(0.5 if joined else 0.0, abs=0.1)
+
+
+def test_derivatives_of_the_loss_are_its_differences() -> None:
+    """The first ones exactly; and spans whose errors are far greater than expected hardly count."""
+    rng, step = np.random.default_rng(3), 1e-6
+    errors, slope, free = rng.normal(size=(6, 4)), rng.normal(size=(2, 6, 4)), np.full(6, 4.0)
+    errors[0] *= 1e3
+    first, second = bend(slope, errors, free)
+    for k in range(2):
+        sides = [losses((errors + sign * step * slope[k])[None], free)[0] for sign in (1.0, -1.0)]
+        assert first[:, k].sum() == pytest.approx((sides[0] - sides[1]) / (4.0 * step), rel=1e-5)
+    assert np.abs(second[0]).max() < 1e-3 * np.abs(second[1:]).max()
+
+
+def test_minima_of_one_valley_are_one_and_beginnings_are_apart() -> None:
+    curvature, none = np.diag([1e4, 0.0]), np.zeros((3, 2))
+    places = [(0.5, 0.5), (0.51, 0.9), (0.6, 0.5), (0.5, 0.1)]
+    found = [Best(np.array(place), float(i), none) for i, place in enumerate(places)]
+    assert [each.loss for each in merged(found[::-1], curvature)] == [0.0, 2.0]
+    assert spread_apart(np.array(places), np.array([3.0, 2.0, 0.0, 1.0]), 3, 0.2).tolist() == [2, 3, 1]
+
+
+def test_a_minimum_is_worse_where_all_spans_say_so() -> None:
+    free, here = np.full(50, 2.0), np.zeros((50, 2))
+    by_chance = here.copy()
+    by_chance[:3] = 9.0
+    everywhere = here + 0.3
+    best = Best(np.zeros(1), 0.0, here)
+    assert not worse(Best(np.zeros(1), 0.0, by_chance), best, free)
+    assert worse(Best(np.zeros(1), 0.0, everywhere), best, free)

@@ -1,105 +1,113 @@
 """How well motions determine parameters: intervals, correlations, and what they leave open.
 
-Trials, not frames, are drawn anew by the bootstrap: errors within a trial are not independent. Each draw
-takes one step of Newton's method from the values found (the score bootstrap, Kline and Santos 2012), so that
-a thousand draws cost no run; intervals are those of percentiles, widened for few trials as Student's are
-(Hesterberg 2015). What is not determined is read from the curvature of the loss beside that of knowing no
-more than the box, and from slices through it.
+Trials, not frames, are drawn anew by the bootstrap: errors within a trial are not independent. In each draw
+the loss about each of its minima is a parabola by the derivatives there, as the score bootstrap has it (Kline
+and Santos 2012), and the values are those of the deepest one: so intervals join minima that the motions
+cannot tell apart, and a thousand draws cost no run. Intervals are those of percentiles, widened for few
+trials as Student's are (Hesterberg 2015). What is not determined is read from the curvature of the loss
+beside that of knowing no more than the box, and from slices through it.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rungwise.fitting.box import Box
+from rungwise.fitting.loss import by_trial, span_losses
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.search import slopes, trial_losses
+from rungwise.fitting.search import BOX_PRECISION, Best, derivatives
 from rungwise.fitting.weights import Weights
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Reals
 
 DRAWS = 2000
 CONFIDENCE = 0.95
-BOX_PRECISION = 12.0
-"""Precision of a number drawn evenly from 0..1."""
 OPEN = 0.5
 """A parameter is open where its deviation is more than this part of that of a number drawn from its box."""
 SHARED = 0.3
 """Parts of a unit direction below this are not named."""
-NARROW, BROAD = 2e-3, 5e-2
-"""Steps of differences at the end: as wide as the deviation found, within these parts of the box."""
 SLICE = 9
 """Values of each parameter at which the loss is looked at, over its whole interval."""
 CLEARLY = 2.0
 """Deviations of the mean difference of trials beyond which a loss is worse."""
+RARE = 2.5e-2
+"""Part of the draws in which another minimum is the deepest, from which on its values fit alike."""
+
+
+class Minimum(NamedTuple):
+    """One minimum of the loss: its place (k,) in the cube, halves of losses of the trials (m,), their first
+    (m, k) and second derivatives (m, k, k)."""
+
+    unit: Reals
+    half: Reals
+    first: Reals
+    second: Reals
 
 
 class Certainty(NamedTuple):
     """lower, upper (k,): ends of 95 % intervals of the parameters; explains (k, 2): the interval of values
-    that explain the motions as well, others being as found; correlation (k, k); deviation (k,): of each, as a
-    part of the box; open_: what is not determined, by name or names joined by " and ", with a line on it."""
+    that explain the motions as well, others being as found; correlation (k, k); open_: what is not
+    determined, by name or names joined by " and ", with a line on it; alike (n, k), shares (n,): minima that
+    the motions do not tell apart, and the part of the draws in which each is the deepest."""
 
     lower: Reals
     upper: Reals
     explains: Reals
     correlation: Reals
-    deviation: Reals
     open_: dict[str, str]
+    alike: Reals
+    shares: Reals
 
 
 def certainty(
-    predictor: Predictor, box: Box, weights: Weights, unit: Reals, seed: int
+    predictor: Predictor, box: Box, weights: Weights, found: Sequence[Best], seed: int
 ) -> Certainty:  # fmt: skip
-    """What the motions say about the parameters at the best place (k,) of the cube."""
-    trial = predictor.spans.trial
-    steps = np.full(len(unit), 1e-2)
-    for _ in range(2):
-        whitened = weights.whitened(predictor(box.values(unit[None])).errors)[0]
-        slope = slopes(predictor, box, weights, unit, steps)
-        curvature = _curvature(slope, whitened)
-        covariance = np.linalg.inv(curvature.sum(axis=0) + BOX_PRECISION * np.eye(len(unit)))
-        steps = np.clip(np.sqrt(np.diag(covariance)), NARROW, BROAD)
-    drawn = _bootstrap(slope, whitened, curvature, trial, unit, seed)
-    deviation = np.sqrt(np.diag(covariance))
-    explains = _explains(predictor, box, weights, unit)
-    open_ = _open(box, curvature.sum(axis=0), covariance, explains)
+    """What the motions say about the parameters, by the minima of the loss, the best first."""
+    minima = [minimum(predictor, box, weights, each) for each in found]
+    total = minima[0].second.sum(axis=0)
+    covariance = np.linalg.inv(total + BOX_PRECISION * np.eye(len(total)))
+    drawn, shares = _bootstrap(minima, seed)
+    explains = _explains(predictor, box, weights, minima[0].unit)
+    open_ = _open(box, total, covariance, explains)
     low, high = box.values(np.clip(drawn, 0.0, 1.0))
     for k, name in enumerate(box.names):
         if any(name in each.split(" and ") for each in open_):
             low[k], high[k] = min(low[k], explains[k, 0]), max(high[k], explains[k, 1])
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    return Certainty(low, high, explains, covariance / scale, deviation, open_)
+    kept = np.argsort(-shares, kind="stable")[: int((shares >= RARE).sum())]
+    places = box.values(np.array([minima[i].unit for i in kept]))
+    return Certainty(low, high, explains, covariance / scale, open_, places, shares[kept])
 
 
-def _curvature(slope: Reals, whitened: Reals) -> Reals:
-    """Second derivatives (s, k, k) of half the loss of each span (Gauss and Newton)."""
-    weight = (1.0 + whitened**2) ** -1.5
-    return np.asarray(np.einsum("ksd,lsd,sd->skl", slope, slope, weight))
+def minimum(predictor: Predictor, box: Box, weights: Weights, best: Best) -> Minimum:
+    """A minimum of the loss of trials."""
+    _, first, second = derivatives(predictor, box, weights, best)
+    half = 0.5 * span_losses(best.whitened, weights.free)
+    return Minimum(best.unit, *(by_trial(predictor.spans.trial, each) for each in (half, first, second)))
 
 
-def _bootstrap(
-    slope: Reals, whitened: Reals, curvature: Reals, trial: Ints, unit: Reals, seed: int
-) -> Reals:  # fmt: skip
-    """Ends (2, k) of intervals in the cube."""
+def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
+    """Ends (2, k) of intervals in the cube, and how often each minimum is the deepest (n,)."""
     from scipy.stats import norm, t
 
-    names, of_trial = np.unique(trial, return_inverse=True)
-    m, k = len(names), len(unit)
-    gradient, bend = np.zeros((m, k)), np.zeros((m, k, k))
-    score = np.einsum("ksd,sd->sk", slope, whitened / np.sqrt(1.0 + whitened**2))
-    np.add.at(gradient, of_trial, score)
-    np.add.at(bend, of_trial, curvature)
+    m, k = minima[0].first.shape
     if m < 2:
-        return np.array([np.zeros(k), np.ones(k)])
-    gradient -= gradient.mean(axis=0)
-    rng = np.random.default_rng(seed)
-    counts = rng.multinomial(m, np.full(m, 1.0 / m), size=DRAWS)
-    total = np.einsum("bm,mkl->bkl", counts, bend) + 1e-6 * BOX_PRECISION * np.eye(k)
-    moved = unit - np.linalg.solve(total, (counts @ gradient)[..., None])[..., 0]
+        return np.array([np.zeros(k), np.ones(k)]), np.eye(len(minima))[0]
+    counts = np.random.default_rng(seed).multinomial(m, np.full(m, 1.0 / m), size=DRAWS).astype(float)
     wider = np.sqrt(m / (m - 1.0)) * t.ppf(0.5 + CONFIDENCE / 2.0, m - 1) / norm.ppf(0.5 + CONFIDENCE / 2.0)
-    ends = np.quantile(moved, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0], axis=0)
-    return np.asarray(unit + wider * (ends - unit))
+    places, depths = [], []
+    for each in minima:
+        first = counts @ (each.first - each.first.mean(axis=0))
+        second = np.tensordot(counts, each.second, 1) + 1e-6 * BOX_PRECISION * np.eye(k)
+        step = np.linalg.solve(second, first[..., None])[..., 0]
+        places.append(each.unit - wider * step)
+        depths.append(counts @ each.half - 0.5 * (first * step).sum(axis=1))
+    deepest = np.argmin(depths, axis=0)
+    drawn = np.array(places)[deepest, np.arange(DRAWS)]
+    ends = np.quantile(drawn, [0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0], axis=0)
+    return np.asarray(ends), np.bincount(deepest, minlength=len(minima)) / DRAWS
 
 
 def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> Reals:
@@ -108,13 +116,12 @@ def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> 
     points = np.tile(unit, (1 + k * SLICE, 1))
     for j in range(k):
         points[1 + j * SLICE : 1 + (j + 1) * SLICE, j] = grid
-    loss = trial_losses(weights.whitened(predictor(box.values(points)).errors))
-    worse = loss[1:] - loss[0]
-    trials = np.unique(predictor.spans.trial)
-    by_trial = np.stack([worse[:, predictor.spans.trial == each].sum(axis=1) for each in trials], axis=1)
-    mean = by_trial.mean(axis=1)
-    error = by_trial.std(axis=1, ddof=min(1, len(trials) - 1)) / np.sqrt(len(trials))
-    alike = (mean <= CLEARLY * error + 1.0 / len(trials)).reshape(k, SLICE)
+    loss = span_losses(weights.whitened(predictor(box.values(points)).errors), weights.free)
+    apart = by_trial(predictor.spans.trial, (loss[1:] - loss[0]).T).T
+    m = apart.shape[1]
+    mean = apart.mean(axis=1)
+    error = apart.std(axis=1, ddof=min(1, m - 1)) / np.sqrt(m)
+    alike = (mean <= CLEARLY * error + 1.0 / m).reshape(k, SLICE)
     found = np.tile(unit[:, None], 2)
     for j in range(k):
         at = int(np.abs(grid - unit[j]).argmin())
@@ -126,7 +133,7 @@ def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> 
     return np.stack([box.values(found[:, 0]), box.values(found[:, 1])], axis=1)
 
 
-def _open(box: Box, curvature: Reals, covariance: Reals, explains: Reals) -> dict[str, str]:
+def _open(box: Box, curvature: Reals, covariance: Any, explains: Reals) -> dict[str, str]:
     """What the motions do not determine, alone and together."""
     even = 1.0 / np.sqrt(BOX_PRECISION)
     found, alone = dict[str, str](), set[int]()

@@ -42,19 +42,21 @@ def fit(
     """Find the parameters `over` with which runs of a scene on a rung come nearest to measured motions.
 
     Runs begin at measured states and last `span`; their errors are weighed by the deviation of the
-    measurement and by what it makes of the start (`rungwise.fitting.weights`), with a robust loss. The whole
-    box is sampled first, then least squares goes on from the best (`rungwise.fitting.search`).
+    measurement and by what it makes of the start (`rungwise.fitting.weights`), with a robust loss
+    (`rungwise.fitting.loss`). The whole box is sampled first, then least squares goes on from the best
+    samples (`rungwise.fitting.search`).
 
     Args:
         scene, model: as for `simulate`. Goals and other conditions of the scene end no run.
         motions: measured trials. Starts that overlap are moved out by the least motion.
         over: names of the parameters to find, each in its range, or in `box`.
         parameters: values of other parameters; what the motions know of each trial comes before.
-        span: how long runs last, in the scene's time; a quarter of the median trial if not given, and whole
-            trials where it is `inf`.
+        span: how long runs last, in the scene's time; whole trials where it is `inf`. If not given, a quarter
+            of the median trial, or half of a touch's share of it where bodies come to touch more than twice.
         moments: frames of a span that are compared, at most.
         step, tol, threads: as for `rollout`; where neither step nor tol is given, tol is a thousandth of
-            the size of what moves; in space, where steps are of the first order, a smaller one pays.
+            the size of what moves, a hundredth of that where contacts yield to momentum, and less until that
+            changes the values by less than a quarter of their deviation.
         limit: seconds after which the best so far is returned; see `Fit.unfinished`.
         out: a folder in which every finished batch of runs is kept; with `resume` a fit that was stopped goes
             on from these.

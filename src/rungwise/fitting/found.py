@@ -29,14 +29,28 @@ class Residual:
     expected: float
 
 
+@dataclass(frozen=True)
+class Alike:
+    """Values of one of several minima that the motions do not tell apart; share: the part of the draws of
+    trials in which it is the best."""
+
+    values: dict[str, float]
+    share: float
+
+    def __str__(self) -> str:
+        return (
+            ", ".join(f"{name} {value:.4g}" for name, value in self.values.items()) + f" ({self.share:.0%})"
+        )
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Fit(ByContent):
     """Parameters of a scene from motions, on a rung.
 
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
     in the order of `over`; open: parameters that the motions do not determine, by name, with a line on each;
-    residuals: by coordinate; phases: errors of short spans, by phase (flight, impact, sliding, rest); misfit:
-    loss of the errors divided by its value if measurement and starts were the only errors (then 1), median
+    alike: sets of values, if several fit alike, which the intervals join; residuals: by coordinate; phases:
+    errors of short spans, by phase (flight, impact, sliding, rest); misfit: loss of the errors divided by its value if measurement and starts were the only errors (then 1), median
     over trials; trials, spans: their numbers; span: length of a span; moved: greatest length by which
     overlapping starts were moved; ended: fraction of runs that reached the end of their span; loss: the
     robust loss; runs: number of runs; unfinished: the work that a limit left undone, in words; wall_s.
@@ -61,6 +75,7 @@ class Fit(ByContent):
     runs: int
     wall_s: float
     unfinished: str = ""
+    alike: tuple[Alike, ...] = ()
 
     @property
     def outside(self) -> bool:
@@ -69,9 +84,9 @@ class Fit(ByContent):
 
     @property
     def ok(self) -> bool:
-        """Whether the search came to its end, all that was asked for is determined, and it explains the
-        motions."""
-        return not self.unfinished and not self.open and not self.outside
+        """Whether the search came to its end, all that was asked for is determined by one set of values, and
+        it explains the motions."""
+        return not (self.unfinished or self.open or self.alike or self.outside)
 
     @property
     def scene(self) -> Any:
@@ -106,6 +121,9 @@ class Fit(ByContent):
             low, high = self.intervals[name]
             lines.append(f"  {name} = {value:.4g} ({low:.4g} to {high:.4g})".rstrip())
         lines += [f"  not determined: {name}: {line}" for name, line in self.open.items()]
+        if self.alike:
+            sets = "; ".join(map(str, self.alike))
+            lines.append(f"  {len(self.alike)} sets of values fit alike: {sets}; intervals join them")
         lines += [
             f"  {each.name}: errors {each.rms:.3g} (root mean square), median {each.median:.3g};"
             f" measurement and starts make {each.expected:.3g}"
@@ -135,6 +153,7 @@ class Fit(ByContent):
             "scene": self.measured_on.name, "model": self.model.name, "values": self.values,
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
             "correlation": self.correlation.tolist(), "open": self.open,
+            "alike": [vars(each) for each in self.alike],
             "residuals": [vars(each) for each in self.residuals],
             "phases": [vars(each) for each in self.phases], "misfit": self.misfit,
             "outside": self.outside, "verdict": self.verdict, "trials": self.trials, "spans": self.spans,

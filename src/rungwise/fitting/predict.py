@@ -48,7 +48,7 @@ class Predictor:
         self.scene = scene.changed(goal=None, unsafe=None, doomed=None)
         self.model, self.spans, self.compared, self.over = model, spans, compared, tuple(over)
         self._given = dict(parameters)
-        self._options = {"tol": tol, "step": step, "theta": 1.0, "motion": None}
+        self.tol, self._step = tol, step
         self._threads, self._deadline, self._log = threads, deadline, log
         self._parting = Parting(self.scene)
         self.made, self.moved = np.zeros(1, np.int64), np.zeros(len(spans.trial))
@@ -57,6 +57,12 @@ class Predictor:
         """The same on other spans."""
         found = object.__new__(type(self))
         vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial))})
+        return found
+
+    def finer(self, tol: float) -> Predictor:
+        """The same with less error per step."""
+        found = self.on(self.spans)
+        found.tol = tol
         return found
 
     def over_only(self, names: Sequence[str]) -> Predictor:
@@ -130,8 +136,9 @@ class Predictor:
             self.scene, starts.reshape(p * s, -1), inputs or None, np.tile(spans.durations, (p, 1)), None,
             bool(inputs), given,
         )  # fmt: skip
+        options = {"tol": self.tol, "step": self._step, "theta": 1.0, "motion": None}
         found = world_of(self.scene).rollout(
-            self.model, wanted, self._options, keep=True, budget=None, threads=self._threads, chunk=None,
+            self.model, wanted, options, keep=True, budget=None, threads=self._threads, chunk=None,
             deadline=self._deadline, on_progress=None,
         )  # fmt: skip
         q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)

@@ -27,6 +27,10 @@ from rungwise.world.find import world_of
 
 FINE = 1e-3
 """Error allowed per step, as a part of the size of what moves: coarser steps damp, and errors add up."""
+FINE_YIELDING = 1e-5
+"""The same where contacts yield to momentum: an impact lasts a few steps, and these damp it."""
+FINEST = 1e-6
+"""The least that is taken where values are known so well that coarser steps change them."""
 SHORT = 5
 """Short spans, by which phases are told apart, in one of the default length; and their moments."""
 
@@ -61,7 +65,13 @@ class Prepared:
         """The error allowed per step: as given, or by the size of what moves."""
         if self.options.tol is not None or self.options.step is not None:
             return self.options.tol
-        return FINE * world_of(self.scene).at(self.given).moved.size
+        part = FINE_YIELDING if self.rung.compliant and self.rung.inertia > 0.0 else FINE
+        return part * world_of(self.scene).at(self.given).moved.size
+
+    @property
+    def finest(self) -> float:
+        """The least error per step that a fit takes by itself."""
+        return FINEST * world_of(self.scene).at(self.given).moved.size
 
     def predictor(self, spans: Spans, deadline: Deadline, log: Log | None = None) -> Predictor:
         """What runs the spans."""
@@ -73,14 +83,14 @@ class Prepared:
 
     def spans(self) -> Spans:
         """The spans of the fit."""
-        return spans_of(self.scene, self.layout, self.options.span, self.options.moments)
+        return spans_of(self.scene, self.layout, self.options.span, self.options.moments, self.given)
 
     def short(self) -> Spans:
         """Short spans."""
         frames = self.layout.trials
         length = float(np.median([each.times[-1] - each.times[0] for each in frames])) / (4.0 * SHORT)
         step = max(float(np.median(np.diff(each.times))) for each in frames)
-        return spans_of(self.scene, self.layout, max(length, 2.0 * step), SHORT)
+        return spans_of(self.scene, self.layout, max(length, 2.0 * step), SHORT, self.given)
 
     def log(self, out: str | Path | None, resume: bool) -> Log | None:
         """The log of this fit in a folder. Raises FitError."""

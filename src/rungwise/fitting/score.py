@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rungwise.content import ByContent
 from rungwise.fitting.measured.layout import Compared, Layout
 from rungwise.fitting.measured.spans import Spans
+from rungwise.fitting.measured.touching import within
 from rungwise.fitting.predict import Predictor
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.language.terms import ANGLE
@@ -24,10 +25,6 @@ from rungwise.world.find import world_of
 
 DRAWS = 2000
 CONFIDENCE = 0.95
-NEAR = 5.0
-"""A gap below so many deviations of a place is closed, and a body that moves less is at rest."""
-CLOSED = 2e-2
-"""The same as a part of the size of objects: marks and outlines are not known better."""
 PHASES = ("flight", "impact", "sliding", "rest")
 
 
@@ -165,11 +162,11 @@ def phase_of(short: Predictor, layout: Layout, point: Reals) -> Ints:
     places = np.concatenate([spans.q[:, None], spans.aims], axis=1)
     known = np.concatenate([np.ones((len(places), 1), bool), spans.counts], axis=1)
     gaps = short.gaps(point, places).min(axis=2, initial=np.inf)
-    sigma = float(np.max(layout.sigma[np.concatenate([[0], *columns_of(scene, layout.compared).places])]))
-    closed = (gaps <= max(NEAR * sigma, CLOSED * moved.size)) & known
+    near = within(scene, layout)
+    closed = (gaps <= near) & known
     weights = np.where(moved.weights > 0.0, moved.weights, 0.0)
     way = np.linalg.norm((places - spans.q[:, None]) * weights, axis=2)
-    still = (np.where(known, way, 0.0).max(axis=1)) <= max(NEAR * sigma, CLOSED * moved.size)
+    still = (np.where(known, way, 0.0).max(axis=1)) <= near
     always, ever = (closed | ~known).all(axis=1), closed.any(axis=1)
     return np.where(~ever, 0, np.where(~always, 1, np.where(still, 3, 2)))
 

@@ -10,27 +10,47 @@ import numpy as np
 
 from rungwise.deadline import Deadline, LimitError, TimeOver
 from rungwise.fitting.certainty import Certainty, certainty
-from rungwise.fitting.found import Fit, Residual
+from rungwise.fitting.found import Alike, Fit, Residual
 from rungwise.fitting.log import Log
+from rungwise.fitting.loss import EXPECTED, bend, by_trial, losses, typical_losses
 from rungwise.fitting.measured.spans import Spans
 from rungwise.fitting.predict import Predictor
 from rungwise.fitting.prepare import Prepared
 from rungwise.fitting.score import Phase, phase_of, phases
-from rungwise.fitting.search import EXPECTED, STARTS, Best, descend, losses, samples, trial_losses
+from rungwise.fitting.search import (
+    BOX_PRECISION,
+    Best,
+    best_of,
+    derivatives,
+    descend,
+    deviations,
+    merged,
+    samples,
+    spread_apart,
+    worse,
+)  # fmt: skip
+from rungwise.fitting.telling import telling
 from rungwise.fitting.weights import NORMAL_MEDIAN, Weights, by_sensitivity, free_flight, unexplained
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 
-FEW, MANY = 80, 300
+FEW, MANY = 60, 200
 """Spans on which the whole box is sampled, and on which least squares works at most: more of them tell little
 more of the values than these."""
-PROBED = 10
-"""Spans on which it is seen whether runs depend on a parameter at all."""
 WEIGHED = 3
 """Times that starts' sensitivities are found anew, at the values found with those before."""
+STEPS = 2
+"""Rounds of least squares between."""
 MOVED = 5e-3
 """Change of the values, as a part of the box, below which the weights are settled."""
-BRIEF = 1000
+BRIEF = 500
 """Short spans by which phases are told, at most."""
+COARSE, FINER = 0.25, 0.1
+"""Steps are too coarse where a part `FINER` of the error allowed in each changes the values by more than
+a part `COARSE` of their deviation; then that is taken."""
+ALL = 1.5
+"""And where so many deviations of it are the same in all trials: runs that scatter change with any step."""
+OTHERS = 2
+"""Other minima that are followed at most."""
 INTERRUPTED = "the search was interrupted"
 
 
@@ -51,9 +71,11 @@ class Search:
         self._began, self._on_progress = time.monotonic(), on_progress
         self._prepared, self._layout, self._seed = prepared, prepared.layout, prepared.options.seed
         self._whole = prepared.predictor(prepared.spans(), deadline, log)
+        self._rows: Ints = np.arange(len(self._whole.spans.trial))
         self._parts = dict[int, Predictor]()
         self._box, self._fixed = prepared.box, dict[str, float]()
         self._state: _State | None = None
+        self._minima: list[Best] = []
         self._stage = "candidates had run"
 
     def found(self, keep_interrupted: bool = False) -> Fit:
@@ -63,12 +85,10 @@ class Search:
             self._drop_unread()
             if self._box.names:
                 self._sample()
-                self._settle()
+                self._settle(refine=True)
+                self._others()
                 self._enter("intervals were found")
-                assert self._state is not None
-                sure = certainty(
-                    self._part(MANY), self._box, self._state.weights, self._state.best.unit, self._seed
-                )
+                sure = certainty(self._part(MANY), self._box, self._weights, self._minima, self._seed)
             self._enter("errors were looked at")
             told = self._told()
         except (TimeOver, KeyboardInterrupt) as stop:
@@ -82,22 +102,17 @@ class Search:
 
     def _drop_unread(self) -> None:
         """Leave parameters out that the runs do not read: these stay as they are."""
-        probe = self._part(PROBED)
-        box, rng = self._box, np.random.default_rng(self._seed)
-        k = len(box.names)
-        bases = rng.uniform(size=(2, 1, k))
-        points = np.repeat(bases, k + 1, axis=1)
-        points[:, np.arange(1, k + 1), np.arange(k)] = rng.uniform(size=(2, k))
-        errors = probe(box.values(points.reshape(-1, k))).errors.reshape(2, k + 1, -1)
-        read = (errors[:, 1:] != errors[:, :1]).any(axis=(0, 2))
+        box = self._box
+        told = telling(self._whole, self._layout, box, self._seed)
         defaults = self._prepared.scene.parameters(self._prepared.given)
-        self._fixed = {name: defaults[name] for name, each in zip(box.names, read, strict=True) if not each}
-        self._box = box.take(np.flatnonzero(read))
+        pairs = zip(box.names, told.read, strict=True)
+        self._fixed = {name: defaults[name] for name, each in pairs if not each}
+        self._box = box.take(np.flatnonzero(told.read))
         self._whole = self._whole.over_only(self._box.names)
-        self._parts = {}
+        self._rows, self._parts = told.rows, {}
 
     def _sample(self) -> None:
-        """Sample the box on few spans, and descend from the best samples."""
+        """Sample the box on few spans, and descend from the best samples that are apart."""
         few, box = self._part(FEW), self._box
         defaults = self._prepared.scene.parameters()
         start = box.unit(np.array([defaults[name] for name in box.names]))
@@ -108,32 +123,74 @@ class Search:
         rough = np.array([_loudness(weights.whitened(errors[i : i + 1])[0]) for i in range(len(places))])
         extra = unexplained(weights, few, errors[int(rough.argmin())], weights.extra)
         weights = free_flight(self._layout, few, extra)
-        loss = np.concatenate([losses(weights.whitened(errors[i : i + 1])) for i in range(len(places))])
-        order = np.argsort(loss, kind="stable")[:STARTS]
+        loss = np.concatenate(
+            [losses(weights.whitened(errors[i : i + 1]), weights.free) for i in range(len(places))]
+        )
+        order = spread_apart(places, loss)
         self._state = _State(Best(places[order[0]], float(loss[order[0]]), np.zeros((0, 0))), weights)
         self._enter("the search had ended")
         for number, i in enumerate(order):
-            self._tell(f"descent {number + 1} of {STARTS}", 0)
-            descend(few, box, weights, places[i], told=self._better(weights))
+            self._tell(f"descent {number + 1} of {len(order)}", 0)
+            self._minima.append(descend(few, box, weights, places[i], told=self._better(weights)))
+        best = min(self._minima, key=lambda each: each.loss)
+        self._minima = merged(self._minima, derivatives(few, box, weights, best)[2].sum(axis=0))
 
-    def _settle(self) -> None:
+    def _settle(self, refine: bool = False) -> None:
         """Least squares on many spans, with weights by the sensitivities of runs at the best so far."""
         assert self._state is not None
-        many, none = self._part(MANY), np.zeros(len(self._layout.sigma))
-        for number in range(WEIGHED):
-            self._tell(f"least squares {number + 1} of {WEIGHED}", 0)
-            unit = self._state.best.unit
+        left = WEIGHED
+        while left > 0:
+            self._tell(f"least squares {WEIGHED - left + 1} of {WEIGHED}", 0)
+            unit, many = self._state.best.unit, self._part(MANY)
             point = self._box.values(unit)
-            weights = by_sensitivity(self._layout, many, point, none)
             errors = many(point[None]).errors
-            extra = unexplained(weights, many, errors[0], none)
-            if extra.any():
-                weights = by_sensitivity(self._layout, many, point, extra)
+            weights = by_sensitivity(self._layout, many, point, errors[0])
             whitened = weights.whitened(errors)
-            self._state = _State(Best(unit, float(losses(whitened)[0]), whitened[0]), weights)
-            descend(many, self._box, weights, unit, told=self._better(weights))
-            if np.abs(self._state.best.unit - unit).max() < MOVED:
-                break
+            loss = float(losses(whitened, weights.free)[0])
+            self._state = _State(Best(unit, loss, whitened[0]), weights)
+            descend(many, self._box, weights, unit, STEPS, self._better(weights))
+            settled = np.abs(self._state.best.unit - unit).max() < MOVED
+            if refine and self._refine():
+                continue
+            left = 0 if settled else left - 1
+
+    def _refine(self) -> bool:
+        """Take finer steps where their error changes the values found; whether that was so."""
+        assert self._state is not None
+        tol, (best, weights) = self._whole.tol, self._state
+        if self._prepared.options.tol is not None or tol is None or tol < self._prepared.finest:
+            return False
+        many, point = self._part(MANY), self._box.values(self._state.best.unit)
+        fine = weights.whitened(many.finer(FINER * tol)(point[None]).errors)[0]
+        slope, first, second = derivatives(many, self._box, weights, best)
+        change = by_trial(many.spans.trial, bend(slope, fine, weights.free)[0] - first)
+        total = second.sum(axis=0)
+        moved = change @ np.linalg.inv(total + BOX_PRECISION * np.eye(len(total)))
+        far = np.abs(moved.sum(axis=0)) > COARSE * deviations(total)
+        if not (far & (np.abs(moved.sum(axis=0)) > ALL * np.linalg.norm(moved, axis=0))).any():
+            return False
+        self._whole, self._parts = self._whole.finer(FINER * tol), {}
+        return True
+
+    def _others(self) -> None:
+        """Follow other minima on many spans by the weights of the best, which may turn out not to be it."""
+        assert self._state is not None
+        (best, weights), many, box = self._state, self._part(MANY), self._box
+        curvature, found = derivatives(many, box, weights, best)[2].sum(axis=0), [best]
+        here = [best_of(many, box, weights, each.unit[None]) for each in self._minima[1:]]
+        others = [x for x in merged([best, *here], curvature) if x is not best]
+        for each in [x for x in others if not worse(x, best, weights.free)][:OTHERS]:
+            self._tell("other minima", 0)
+            told = self._better(weights)
+            found.append(descend(many, box, weights, each.unit, STEPS, told))
+        if len(merged([best, self._state.best], curvature)) > 1:
+            self._settle()
+            (settled, weights), many = self._state, self._part(MANY)
+            found = [settled, *(best_of(many, box, weights, each.unit[None]) for each in found)]
+        else:
+            found.append(self._state.best)
+        kept = merged(found, curvature)
+        self._minima = [each for each in kept if not worse(each, kept[0], weights.free)]
 
     def _better(self, weights: Weights) -> Callable[[Best], None]:
         """Keeps what is better than the best so far."""
@@ -145,13 +202,9 @@ class Search:
         return told
 
     def _part(self, most: int) -> Predictor:
-        """The runs of so many spans, spread over trials; the same ones for the same number."""
-        s = len(self._whole.spans.trial)
-        if s <= most:
-            return self._whole
+        """The runs of so many of the spans that tell of the parameters; the same ones for the same number."""
         if most not in self._parts:
-            rows = np.sort(np.random.default_rng(self._seed).permutation(s)[:most])
-            self._parts[most] = self._whole.on(self._whole.spans.take(rows))
+            self._parts[most] = self._whole.on(self._whole.spans.take(np.sort(self._rows[:most])))
         return self._parts[most]
 
     def _enter(self, stage: str) -> None:
@@ -163,6 +216,12 @@ class Search:
             self._on_progress(what, int(self._whole.made[0]), int(self._whole.made[0]) + needed)
 
     @property
+    def _weights(self) -> Weights:
+        """The weights by which the best is the best."""
+        assert self._state is not None
+        return self._state.weights
+
+    @property
     def _point(self) -> Reals:
         """The best values (k,) of the parameters that are sought."""
         return self._box.values(np.zeros(0) if self._state is None else self._state.best.unit)
@@ -170,7 +229,7 @@ class Search:
     def _told(self) -> _Told:
         """Residuals by coordinate and phase, the misfit, and the part of runs that came to their ends."""
         some, point = self._part(MANY), self._point
-        weights = by_sensitivity(self._layout, some, point, np.zeros(len(self._layout.sigma)))
+        weights = by_sensitivity(self._layout, some, point)
         misfit = _misfit(some.spans, weights, some(point[None]).errors[0])
         predicted, counts = self._whole(point[None]), self._whole.spans.counts
         expected = NORMAL_MEDIAN * np.median(weights.spread[some.spans.counts], axis=0)
@@ -191,7 +250,7 @@ class Search:
         values = dict(zip(box.names, self._point.tolist(), strict=True)) | self._fixed
         ends = {n: (float(low), float(high)) for n, low, high in zip(*sought[:3], strict=True)}
         k = len(sought.names)
-        correlation, open_ = np.eye(k), dict[str, str]()
+        correlation, open_, alike = np.eye(k), dict[str, str](), tuple[Alike, ...]()
         if sure is not None:
             ends |= {
                 n: (float(low), float(high))
@@ -200,6 +259,11 @@ class Search:
             rows = [sought.names.index(name) for name in box.names]
             correlation[np.ix_(rows, rows)] = sure.correlation
             open_ |= sure.open_
+            alike = tuple(
+                Alike(dict(zip(box.names, each.tolist(), strict=True)), float(share))
+                for each, share in zip(sure.alike, sure.shares, strict=True)
+                if len(sure.shares) > 1
+            )
         open_ |= dict.fromkeys(self._fixed, f"no run of {whole.model.name} depends on it")
         if sure is not None:
             defaults = self._prepared.scene.parameters(self._prepared.given)
@@ -210,7 +274,7 @@ class Search:
         return Fit(
             measured_on=self._prepared.scene, model=whole.model, over=sought.names,
             values={name: values[name] for name in sought.names}, intervals=ends, correlation=correlation,
-            open=open_, residuals=told.residuals, phases=told.phases, misfit=told.misfit,
+            open=open_, alike=alike, residuals=told.residuals, phases=told.phases, misfit=told.misfit,
             trials=len(set(whole.spans.trial.tolist())), spans=len(whole.spans.trial),
             span=float(whole.spans.durations.sum(axis=1).max()), moved=float(whole.moved.max(initial=0.0)),
             ended=told.ended, loss=best, runs=int(whole.made[0]), wall_s=time.monotonic() - self._began,
@@ -230,7 +294,7 @@ class _Told(NamedTuple):
 def _misfit(spans: Spans, weights: Weights, errors: Reals) -> float:
     """The loss of a trial over what it is where measurement and starts make all errors, the median over
     trials."""
-    loss = trial_losses(weights.whitened(errors[None]))[0]
+    loss = typical_losses(weights.whitened(errors[None]))[0]
     free = EXPECTED * spans.counts.sum(axis=1) * errors.shape[-1]
     trials = np.unique(spans.trial)
     ratios = [loss[spans.trial == i].sum() / max(free[spans.trial == i].sum(), EXPECTED) for i in trials]

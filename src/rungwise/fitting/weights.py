@@ -26,11 +26,13 @@ NORMAL_MEDIAN = 0.6745
 
 class Weights(NamedTuple):
     """L^-1 of each span (s, d, d), d = g e errors; `spread` (s, g, e): deviations that S gives to errors;
-    extra (e,): the deviation that was added to R because the model does not explain more."""
+    extra (e,): the deviation that was added to R because the model does not explain more; free (s,): how many
+    errors of each are compared."""
 
     inverse: Reals
     spread: Reals
     extra: Reals
+    free: Reals
 
     def whitened(self, errors: Reals) -> Reals:
         """Whitened errors (p, s, d) of errors (p, s, g, e)."""
@@ -56,23 +58,37 @@ def free_flight(layout: Layout, predictor: Predictor, extra: Reals) -> Weights:
     variance = place**2 + (rate * spans.since[..., None]) ** 2 + layout.sigma**2 + extra**2
     spread = np.sqrt(variance)
     flat = spread.reshape(len(spread), -1)
-    return Weights(np.einsum("sd,de->sde", 1.0 / flat, np.eye(flat.shape[1])), spread, extra)
+    inverse = np.einsum("sd,de->sde", 1.0 / flat, np.eye(flat.shape[1]))
+    return Weights(inverse, spread, extra, _compared(predictor, len(layout.sigma)))
 
 
-def by_sensitivity(layout: Layout, predictor: Predictor, point: Reals, extra: Reals) -> Weights:
-    """Weights by how errors of starts grow in the runs at a point (k,)."""
+def by_sensitivity(
+    layout: Layout, predictor: Predictor, point: Reals, errors: Reals | None = None
+) -> Weights:  # fmt: skip
+    """Weights by how errors of starts grow in the runs at a point (k,); where its errors (s, g, e) are given,
+    with what measurement and starts leave of these unexplained."""
     spans = predictor.spans
     s, (g, e) = len(spans.trial), (spans.counts.shape[1], len(layout.sigma))
     uncertain = np.flatnonzero(layout.start > 0.0)
     shifts = np.zeros((2 * len(uncertain), len(layout.start)))
     for j, column in enumerate(uncertain):
         shifts[2 * j, column], shifts[2 * j + 1, column] = layout.start[column], -layout.start[column]
-    found = predictor(np.tile(point, (len(shifts), 1)), shifts).errors
-    change = 0.5 * (found[0::2] - found[1::2]).reshape(len(uncertain), s, g * e)
-    return _weights(layout, change, extra, (s, g, e))
+    runs = predictor(np.tile(point, (len(shifts), 1)), shifts).errors
+    change = 0.5 * (runs[0::2] - runs[1::2]).reshape(len(uncertain), s, g * e)
+    free, none = _compared(predictor, e), np.zeros(e)
+    found = _weights(layout, change, none, free, (s, g, e))
+    extra = none if errors is None else unexplained(found, predictor, errors, none)
+    return _weights(layout, change, extra, free, (s, g, e)) if extra.any() else found
 
 
-def _weights(layout: Layout, change: Reals, extra: Reals, shape: tuple[int, int, int]) -> Weights:
+def _compared(predictor: Predictor, e: int) -> Reals:
+    """How many of e errors a moment are compared in each span (s,)."""
+    return np.asarray(predictor.spans.counts.sum(axis=1) * float(e))
+
+
+def _weights(
+    layout: Layout, change: Reals, extra: Reals, free: Reals, shape: tuple[int, int, int]
+) -> Weights:  # fmt: skip
     """Weights from changes (n, s, d) of errors by a deviation of each part of the start."""
     s, g, e = shape
     own = np.tile(layout.sigma**2 + extra**2, g)
@@ -80,7 +96,7 @@ def _weights(layout: Layout, change: Reals, extra: Reals, shape: tuple[int, int,
     covariance[:, np.arange(g * e), np.arange(g * e)] += own
     inverse = np.linalg.inv(np.linalg.cholesky(covariance))
     spread = np.sqrt(np.einsum("sdd->sd", covariance)).reshape(s, g, e)
-    return Weights(inverse, spread, extra)
+    return Weights(inverse, spread, extra, free)
 
 
 def unexplained(weights: Weights, predictor: Predictor, errors: Reals, before: Reals) -> Reals:

@@ -37,7 +37,7 @@ def fit(
         float, arg.numeric("--held-out", "With --model all: the part of the trials to score on.")
     ] = 0.5,
     tol: Annotated[
-        float | None, arg.numeric("--tol", "Error allowed per step; a thousandth of what moves if not given.")
+        float | None, arg.numeric("--tol", "Error allowed per step; if not given, by what it changes.")
     ] = None,
     limit: arg.LimitOption = None,
     seed: arg.SeedOption = 0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,13 +11,17 @@ from numpy.typing import NDArray
 from rungwise.errors import InputError
 from rungwise.fitting.measured.errors import MotionError
 from rungwise.fitting.measured.layout import Frames, Layout, rates_at
+from rungwise.fitting.measured.touching import touches, touching
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.fields.values import shown
 
 MOMENTS = 10
 """Frames of a span that are compared at most: neighbours hardly tell more than one of them."""
 PARTS = 4
-"""Spans of a trial, by default: after several impacts two runs that began alike have nothing in common."""
+"""Spans of a trial, by default, at least: after several impacts two runs that began alike have nothing in
+common."""
+PARTS_OF_TOUCH = 2
+"""Spans of a trial, by default, for each time that bodies come to touch in it."""
 
 
 class Spans(NamedTuple):
@@ -69,37 +74,45 @@ class _Span(NamedTuple):
     moments: Ints
 
 
-def spans_of(scene: Any, layout: Layout, span: float | None, moments: int = MOMENTS) -> Spans:
-    """Spans of a length in the scene's time, one after another; a quarter of the median trial if not given,
-    whole trials where it is infinite. Raises MotionError where no trial has a frame to begin at."""
-    length = _length(layout, span)
+def spans_of(
+    scene: Any, layout: Layout, span: float | None, moments: int, given: Mapping[str, float]
+) -> Spans:  # fmt: skip
+    """Spans of a length in the scene's time, one after another; a part of the median trial in which bodies
+    come to touch once at most, if not given, and whole trials where it is infinite. They begin where nothing
+    touches, if there is such a frame near: of a state within an impact it is not known how far contacts
+    yield. Raises MotionError where no trial has a frame to begin at."""
+    closed = touching(scene, layout, given)
+    length = _length(layout, span, closed)
     found = list[_Span]()
     for number, frames in enumerate(layout.trials):
         most = len(frames.times) if frames.trial.inputs else moments
-        found += _of_trial(number, frames, length, most)
+        found += _of_trial(number, frames, ~closed[number], length, most)
     if not found:
         raise MotionError("places: no trial has a frame at which all is known, and others after it")
     g = max(len(each.moments) for each in found)
     return _stacked(scene, layout, found, g)
 
 
-def _length(layout: Layout, span: float | None) -> float:
+def _length(layout: Layout, span: float | None, closed: Sequence[NDArray[np.bool_]]) -> float:
     if span is None:
-        return float(np.median([frames.times[-1] - frames.times[0] for frames in layout.trials])) / PARTS
+        parts = max(PARTS, round(PARTS_OF_TOUCH * touches(closed)))
+        return float(np.median([frames.times[-1] - frames.times[0] for frames in layout.trials])) / parts
     if isinstance(span, bool) or not isinstance(span, int | float | np.number) or not span > 0.0:
         raise InputError(f"span: must be a time greater than 0, or infinite, not {shown(span)}")
     return float(span)
 
 
-def _of_trial(number: int, frames: Frames, length: float, most: int) -> list[_Span]:
-    """The spans of one trial: each begins where the one before ends, at a frame at which all is known."""
+def _of_trial(
+    number: int, frames: Frames, clear: NDArray[np.bool_], length: float, most: int
+) -> list[_Span]:  # fmt: skip
+    """The spans of one trial: each begins about where the one before ends, at a frame at which all is
+    known."""
     found, at, last = list[_Span](), 0, len(frames.times) - 1
-    usable = np.flatnonzero(frames.known)
+    usable, before = np.flatnonzero(frames.known), -1
     while at < last:
-        later = usable[usable >= at]
-        if not len(later):
+        start = _start(frames.times, usable, clear, before, at, length)
+        if start < 0:
             break
-        start = int(later[0])
         end = int(np.searchsorted(frames.times, frames.times[start] + length * (1.0 + 1e-9), "right")) - 1
         end = min(max(end, start + 1), last)
         if end <= start:
@@ -108,8 +121,20 @@ def _of_trial(number: int, frames: Frames, length: float, most: int) -> list[_Sp
         rows = np.unique(np.round(np.linspace(start, end, steps + 1)[1:]).astype(int))
         if frames.times[end] - frames.times[start] >= 0.5 * min(length, frames.trial.duration) or not found:
             found.append(_Span(number, start, rows))
-        at = end
+        at, before = max(end, at + 1), start
     return found
+
+
+def _start(
+    times: Reals, usable: Ints, clear: NDArray[np.bool_], before: int, at: int, length: float
+) -> int:  # fmt: skip
+    """The usable frame at which nothing touches, less than half a length from a frame and after the start
+    before; else the first usable one from there on; -1 where there is none."""
+    near = usable[(usable > before) & (np.abs(times[usable] - times[at]) < 0.5 * length) & clear[usable]]
+    if len(near):
+        return int(near[np.abs(near - at).argmin()])
+    later = usable[usable >= at]
+    return int(later[0]) if len(later) else -1
 
 
 def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
