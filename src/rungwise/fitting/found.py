@@ -50,10 +50,11 @@ class Fit(ByContent):
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
     in the order of `over`; open: parameters that the motions do not determine, by name, with a line on each;
     alike: sets of values, if several fit alike, which the intervals join; residuals: by coordinate; phases:
-    errors of short spans, by phase (flight, impact, sliding, rest); misfit: loss of the errors divided by its value if measurement and starts were the only errors (then 1), median
-    over trials; trials, spans: their numbers; span: length of a span; moved: greatest length by which
-    overlapping starts were moved; ended: fraction of runs that reached the end of their span; loss: the
-    robust loss; runs: number of runs; unfinished: the work that a limit left undone, in words; wall_s.
+    errors of short spans, by phase (flight, impact, sliding, rest); misfit: loss of the errors divided by its
+    value if measurement and starts were the only errors (then 1), median over trials; trials, spans: their
+    numbers; span: length of a span; moved: greatest length by which overlapping starts were moved; ended:
+    fraction of runs that reached the end of their span; loss: the robust loss; runs: number of runs;
+    unfinished: the work that a limit left undone, in words; wall_s.
     """
 
     measured_on: Any
