@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import rungwise as rw
 from rungwise.planning.modes.balance import modes, motion
@@ -97,4 +98,44 @@ def test_a_box_pushes_another_to_its_goal(
     found = rw.plan(in_line(places, shape, contacts), seed=seed)
     assert found.found, found.reason
     assert found.stage is not None and found.stage.model is rw.DYNAMIC_COMPLIANT
+    assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+
+
+def on_a_floor() -> rw.Scene:
+    """A palm and the same two boxes seen from the side, where gravity presses the boxes on a floor."""
+    data = yaml.safe_load(in_line([(-0.2, 0.03)], PALM, 2).yaml())
+    data["gravity"] = [0, -GRAVITY]
+    for name in ("near", "far"):
+        del data["bodies"][name]["support"]
+        data["bodies"][name]["pose"]["y"] = SIDE / 2
+    data["bodies"]["finger0"]["force"] = [0, 0.1 * GRAVITY]
+    data["bodies"]["floor"] = {"role": "obstacle", "shape": {"kind": "halfplane"}}
+    data["contacts"] += [
+        {"between": [name, "floor"], "friction": 0.4, **STIFF} for name in ("near", "far", "finger0")
+    ]
+    data["goal"] = f"hypot(far.x - 0.12, far.y - {SIDE / 2}) <= 0.01"
+    return rw.load(data)
+
+
+def test_a_push_through_another_box_on_a_floor_is_balanced() -> None:
+    """All six contacts of the boxes are told apart: two stick between them, four slide on the floor; the palm
+    pushes against the friction of both."""
+    work = begin(task_of(on_a_floor()), Budget(), 0, None)
+    ground, q = Scene(work).grounds["near pushes far"], work.start.q[0].copy()
+    q[3] = q[6] - SIDE
+    q[0] = q[3] - SIDE / 2 - 0.005
+    seen, want = ground.look(q), np.zeros(6)
+    assert len(seen.closed) == 6
+    want[[0, 3]] = 0.02
+    (mode, _), *_ = modes(ground, seen, want)
+    found = motion(ground, seen, np.ones(1, np.int64), mode, want, 0.1)
+    assert found is not None and found.change == pytest.approx(want / ground.units, abs=1e-9)
+    assert found.pushes[0] == pytest.approx(0.4 * 2.0 * MASS * GRAVITY, rel=0.2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(2))
+def test_a_box_pushes_another_along_a_floor(seed: int) -> None:
+    found = rw.plan(on_a_floor(), seed=seed, limit=90.0, budget=None)
+    assert found.found, found.reason
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL

@@ -17,7 +17,7 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 PART, SLIDE, STICK = 0, 1, 2
 """What a contact does in a mode; which way it slides follows from the motion."""
-MOST = 5
+MOST = 6
 """Contacts of which modes are told apart; more are kept or parted together with the nearest of these."""
 EDGES = 8
 """Edges of a cone in space, within it."""
