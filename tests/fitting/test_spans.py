@@ -32,9 +32,17 @@ def test_spans_begin_where_nothing_touches(seed: int) -> None:
     spans, closed = one.spans(), touching(one.scene, one.layout, {})
     starts = np.round(spans.first / 0.004).astype(int)
     for trial, start in zip(spans.trial, starts, strict=True):
-        near = slice(max(start - 1, 0), start + 2)
-        assert not closed[trial][start] or closed[trial][near].all()
+        before = slice(max(start - 3, 0), start)
+        assert not closed[trial][start] or closed[trial][before].all()
     assert (np.diff(spans.first)[np.diff(spans.trial) == 0] > 0.0).all()
+
+
+def test_a_trial_that_begins_with_an_impact_is_not_begun_after_it() -> None:
+    """A single impact, as ellipses were measured: contact at the first frame, and flight after it."""
+    places = np.zeros((3, 3, 3))
+    places[..., 1] = 0.03 + np.array([0.0, 2e-3, 4e-3])
+    spans = prepared(rw.Motions(NAMES, 0.0025 * np.arange(3), places), np.inf).spans()
+    assert spans.first.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_there_are_two_spans_for_each_touch_and_four_at_least() -> None:

@@ -128,11 +128,13 @@ def _of_trial(
 def _start(
     times: Reals, usable: Ints, clear: NDArray[np.bool_], before: int, at: int, length: float
 ) -> int:  # fmt: skip
-    """The usable frame at which nothing touches, less than half a length from a frame and after the start
-    before; else the first usable one from there on; -1 where there is none."""
-    near = usable[(usable > before) & (np.abs(times[usable] - times[at]) < 0.5 * length) & clear[usable]]
+    """The last usable frame at which nothing touches, up to a frame and less than half a length before it,
+    and after the start before; else the first usable one from there on; -1 where there is none. A later one
+    would leave an impact out."""
+    near = usable[(usable > before) & (usable <= at) & clear[usable]]
+    near = near[times[at] - times[near] < 0.5 * length]
     if len(near):
-        return int(near[np.abs(near - at).argmin()])
+        return int(near[-1])
     later = usable[usable >= at]
     return int(later[0]) if len(later) else -1
 
