@@ -22,8 +22,8 @@ LAWS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, float]]] = {
         {"law": 0.5},
     ),
     "adhesion": (
-        {"pose": {"y": 0.05}, "coordinates": {}, "force": [0, "10 + 40 * high * t"]},
-        {"adhesion": "law", "adhesion_range": 1e-4},
+        {"pose": {"y": "high + 0.05"}, "coordinates": {}},
+        {"restitution": 0.8, "adhesion": "10 * law", "adhesion_range": 0.01},
         {"law": 1.5},
     ),
 }
