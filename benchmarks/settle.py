@@ -34,10 +34,9 @@ def outcome(path: Path, settle: bool) -> tuple[str, str]:
 def loads(path: Path) -> bool:
     """Whether MuJoCo loads a file, and something can move in it."""
     try:
-        compiled(read_spec(path), path)
+        return bool(compiled(read_spec(path), path).nv)
     except rw.SceneError:
         return False
-    return True
 
 
 def main() -> None:
