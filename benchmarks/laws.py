@@ -1,6 +1,6 @@
 """Which laws of contact help on motions of real objects: each is fitted, and scored on trials held out.
 
-    python benchmarks/laws.py FOLDER [--only squares ellipses] [--trials N] [--seed N]
+    python benchmarks/laws.py FOLDER [--only squares ellipses] [--rungs NAMES] [--trials N] [--seed N]
 
 FOLDER and data are those of benchmarks/real.py. Half of N trials are fitted with the common laws and with one
 law more; errors of the others, over spans of a quarter of a trial, are compared trial by trial: the last
@@ -78,14 +78,14 @@ def scored(real: Real, law: Law, seed: int) -> tuple[dict[str, float], list[NDAr
     return fit.values, [by_trial(runs.spans, each) for each in found[:2]]
 
 
-def table(real: Real, seed: int) -> list[str]:
+def table(real: Real, rungs: tuple[str, ...], seed: int) -> list[str]:
     """Lines of a page, one as soon as it is known."""
     lines = ["| set | rung | law | parameters | place | turn | place, less common | turn, less common |"]
     lines.append("|" + "---|" * 8)
     print(*lines, sep="\n", flush=True)
     scale, unit = (1.0, "m/s") if real.name == "ellipses" else (1e3, "mm")
     common: list[NDArray[np.float64]] = []
-    for law in LAWS:
+    for law in (law for law in LAWS if law.rung in rungs):
         values, errors = scored(real, law, seed)
         if law.name == "common":
             common = errors
@@ -107,9 +107,10 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=sets, default=list(sets))
     parser.add_argument("--trials", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rungs", nargs="+", choices=(RIGID, COMPLIANT), default=[RIGID, COMPLIANT])
     given = parser.parse_args()
     for name in given.only:
-        table(sets[name](given.folder, given.trials), given.seed)
+        table(sets[name](given.folder, given.trials), tuple(given.rungs), given.seed)
 
 
 if __name__ == "__main__":
