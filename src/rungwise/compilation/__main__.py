@@ -37,18 +37,19 @@ def main() -> None:
 
 def _runs() -> None:
     package = importlib.import_module("rungwise")
+    begun = importlib.import_module("rungwise.simulation.run").Simulation
     models = [model for model in package.LADDER if model.moves]
     for name in package.shipped():
         scene = package.load(name)
         for model in models:
             for tol in (None, 1e-2):
-                package.Simulation(scene, model, tol=tol).advance()
+                begun(scene, model, tol=tol).advance()
             names = tuple(scene.file.parameters)[:1]
             defaults = [[scene.file.parameters[name].default for name in names]]
             package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
     crowd = package.load(_crowd())
     for model in models:
-        package.Simulation(crowd, model).advance(3)
+        begun(crowd, model).advance(3)
 
 
 def _crowd() -> dict[str, Any]:
