@@ -11,6 +11,7 @@ from rungwise.fitting.certainty import Minimum, _bootstrap
 from rungwise.fitting.loss import EXPECTED, bend, losses, typical_losses
 from rungwise.fitting.prepare import Options, prepare
 from rungwise.fitting.search import Best, merged, spread_apart, worse
+from rungwise.fitting.telling import telling
 from rungwise.fitting.weights import by_sensitivity, free_flight, unexplained
 
 from .drops import NAMES, PLACE, RATE, SCENE, SPEED, TURN, drops
@@ -124,3 +125,24 @@ def test_a_minimum_is_worse_where_all_spans_say_so() -> None:
     best = Best(np.zeros(1), 0.0, here)
     assert not worse(Best(np.zeros(1), 0.0, by_chance), best, free)
     assert worse(Best(np.zeros(1), 0.0, everywhere), best, free)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_friction_that_holds_over_most_of_its_range_is_read(seed: int) -> None:
+    """A square that falls flat, and hardly sideways, sticks at all friction but the least."""
+    start, times = np.array([[0.0, 0.0305, 0.0, 0.05, -1.2, 0.0]] * 2), 0.004 * np.arange(4)
+    after = rw.rollout(SCENE, "dynamic-rigid", start, durations=np.full((2, 3), 0.004), threads=1)
+    q, v = (np.concatenate([start[:, None, k : k + 3], x], axis=1) for k, x in ((0, after.q), (3, after.v)))
+    motions, options = rw.Motions(NAMES, times, q, v), Options(np.inf, 3, None, None, 1, seed)
+    one = prepare(SCENE, rw.DYNAMIC_RIGID, motions, ("mu", "e"), None, None, options)
+    runs = one.predictor(one.spans(), NEVER)
+    assert telling(runs, one.layout, one.box, seed).read.all()
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_search_leaves_a_plain_on_which_friction_decides_nothing(seed: int) -> None:
+    scene = SCENE | {"parameters": SCENE["parameters"] | {"mu": {"default": 1.0, "range": [0.0, 1.0]}}}
+    fit = rw.fit(scene, "dynamic-rigid", drops(8, 12, seed=seed, mu=0.12), ("mu", "e"), seed=seed)
+    low, high = fit.intervals["mu"]
+    assert low <= 0.12 <= high < 0.3 and fit.values["mu"] == pytest.approx(0.12, abs=0.05)

@@ -18,7 +18,7 @@ import numpy as np
 from rungwise.fitting.box import Box
 from rungwise.fitting.loss import by_trial, span_losses
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.search import BOX_PRECISION, Best, derivatives
+from rungwise.fitting.search import BOX_PRECISION, SLICE, Best, derivatives, slices
 from rungwise.fitting.weights import Weights
 from rungwise.kernel import Reals
 
@@ -28,8 +28,6 @@ OPEN = 0.5
 """A parameter is open where its deviation is more than this part of that of a number drawn from its box."""
 SHARED = 0.3
 """Parts of a unit direction below this are not named."""
-SLICE = 9
-"""Values of each parameter at which the loss is looked at, over its whole interval."""
 CLEARLY = 2.0
 """Deviations of the mean difference of trials beyond which a loss is worse."""
 RARE = 2.5e-2
@@ -113,9 +111,7 @@ def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
 def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> Reals:
     """Intervals (k, 2) of values that explain the motions as well as those found."""
     k, grid = len(unit), np.linspace(0.0, 1.0, SLICE)
-    points = np.tile(unit, (1 + k * SLICE, 1))
-    for j in range(k):
-        points[1 + j * SLICE : 1 + (j + 1) * SLICE, j] = grid
+    points = np.vstack([unit, slices(unit)])
     loss = span_losses(weights.whitened(predictor(box.values(points)).errors), weights.free)
     apart = by_trial(predictor.spans.trial, (loss[1:] - loss[0]).T).T
     m = apart.shape[1]

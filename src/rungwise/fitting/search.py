@@ -37,6 +37,8 @@ VALLEY = 5.0
 """Minima within so many deviations are one: a flat direction has ends anywhere, and a rough one several."""
 CHANCE = 4.0
 """Deviations of the difference of spans beyond which a minimum is worse than another by more than chance."""
+SLICE = 9
+"""Values of each parameter at which the loss is looked at, over its whole interval."""
 BOX_PRECISION = 12.0
 """Precision of a number drawn evenly from 0..1."""
 
@@ -75,6 +77,14 @@ def slopes(predictor: Predictor, box: Box, weights: Weights, unit: Reals, steps:
     found = weights.whitened(predictor(box.values(np.vstack([up, down]))).errors)
     width = np.diag(up - down)
     return np.asarray((found[:k] - found[k:]) / width[:, None, None])
+
+
+def slices(unit: Reals) -> Reals:
+    """Places (k SLICE, k) of the cube on lines through one (k,), along each parameter."""
+    k = len(unit)
+    found = np.tile(unit, (k, SLICE, 1))
+    found[np.arange(k), :, np.arange(k)] = np.linspace(0.0, 1.0, SLICE)
+    return np.asarray(found.reshape(k * SLICE, k))
 
 
 def deviations(curvature: Reals) -> Reals:

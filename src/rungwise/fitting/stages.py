@@ -26,6 +26,7 @@ from rungwise.fitting.search import (
     deviations,
     merged,
     samples,
+    slices,
     spread_apart,
     worse,
 )  # fmt: skip
@@ -86,6 +87,7 @@ class Search:
             if self._box.names:
                 self._sample()
                 self._settle(refine=True)
+                self._look_along()
                 self._others()
                 self._enter("intervals were found")
                 sure = certainty(self._part(MANY), self._box, self._weights, self._minima, self._seed)
@@ -153,6 +155,17 @@ class Search:
             if refine and self._refine():
                 continue
             left = 0 if settled else left - 1
+
+    def _look_along(self) -> None:
+        """Begin anew where, along one parameter, the loss is less: a search does not leave a plain on which a
+        parameter decides nothing, as great friction does not."""
+        assert self._state is not None
+        (best, weights), many = self._state, self._part(MANY)
+        found = best_of(many, self._box, weights, slices(best.unit))
+        if found.loss < best.loss:
+            self._better(weights)(found)
+            descend(many, self._box, weights, found.unit, told=self._better(weights))
+            self._settle()
 
     def _refine(self) -> bool:
         """Take finer steps where their error changes the values found; whether that was so."""

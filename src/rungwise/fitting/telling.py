@@ -28,16 +28,18 @@ class Telling(NamedTuple):
 
 
 def telling(whole: Predictor, layout: Layout, box: Box, seed: int) -> Telling:
-    """What the spans tell of the parameters, by runs at random places of the box, and with each parameter
-    changed."""
+    """What the spans tell of the parameters, by runs at random places of the box, and with each parameter at
+    both its ends: between two values within the box nothing may change, as where friction holds at both."""
     rng, k = np.random.default_rng(seed), len(box.names)
     rows = _by_turns(whole.spans.trial, rng)[:PROBED]
     probe = whole.on(whole.spans.take(rows))
-    points = np.repeat(rng.uniform(size=(2, 1, k)), k + 1, axis=1)
-    points[:, np.arange(1, k + 1), np.arange(k)] = rng.uniform(size=(2, k))
+    points = np.repeat(rng.uniform(size=(2, 1, k)), 2 * k + 1, axis=1)
+    for end in (0, 1):
+        points[:, np.arange(1 + end, 2 * k + 1, 2), np.arange(k)] = end
     errors = probe(box.values(points.reshape(-1, k))).errors
-    errors = errors.reshape(2, k + 1, *errors.shape[1:])
-    changes = np.abs(errors[:, 1:] - errors[:, :1])
+    errors = errors.reshape(2, 2 * k + 1, *errors.shape[1:])
+    apart = np.abs(errors[:, 1:] - errors[:, :1]).reshape(2, k, 2, *errors.shape[2:])
+    changes = np.fmax(apart[:, :, 0], apart[:, :, 1])
     spread = free_flight(layout, probe, np.zeros(len(layout.sigma))).spread
     says = ((changes / spread).max(axis=(0, 1, 3, 4)) > TELLS) if k else np.zeros(len(rows), bool)
     read = np.asarray(np.any(changes > 0.0, axis=(0, 2, 3, 4)))
