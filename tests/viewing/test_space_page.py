@@ -345,3 +345,34 @@ def test_a_missing_viser_is_named(films: list[Film], monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(FilmError, match=r"pip install 'rungwise\[watch\]'"):
         open_live(films)
+
+
+@needs_browser
+def test_the_clock_goes_on_without_a_graphics_card(opened: Any) -> None:
+    """Browsers take the card away, of pages in the background above all, and give it back."""
+    opened.evaluate(f"(lost = gpu.gl.getExtension('WEBGL_lose_context')).loseContext(), seek(0), {DRAWN}")
+    opened.evaluate(f"seek(END), {DRAWN}")
+    assert opened.evaluate("state.dirty") is False and opened.evaluate("gpu.gl.isContextLost()") is True
+    assert opened.evaluate("+$('time').value") == pytest.approx(opened.evaluate("END"), rel=1e-3)
+    opened.evaluate(
+        f"new Promise(r => setTimeout(r, 200)).then(() => lost.restoreContext()).then(() => {DRAWN})"
+    )
+    opened.evaluate("new Promise(r => setTimeout(r, 300))")
+    assert opened.evaluate("!gpu.gl.isContextLost() && stage.panels[0].names.length > 0") is True
+    assert opened.errors == []
+
+
+@needs_browser
+def test_ghosts_in_one_place_are_drawn_once(films: list[Film], tmp_path: Path) -> None:
+    assert PROGRAM is not None
+    page = write_page([films[0], films[1], films[1]], tmp_path / "twins.html")
+    count = (
+        "seek(END), paint(state.t, true), (() => { const layer = drawLayer; let n = 0;"
+        " drawLayer = (mesh, world, options) => { n += options?.tint ? 1 : 0; layer(mesh, world, options); };"
+        " paint(state.t, true); drawLayer = layer; return n; })()"
+    )
+    with driver.Browser(PROGRAM) as browser:
+        browser.open(page)
+        twice = browser.evaluate(f"play(false), arrange(false), bringFront(0), {count}")
+        once = browser.evaluate(f"flip('model-2'), {count}")
+        assert twice == once > 0 and browser.errors == []

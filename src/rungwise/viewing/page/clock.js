@@ -56,7 +56,8 @@ const PLAYING = {
 // The play bar of runs that end at `end()`: called again when other runs are shown.
 function measure() {
   $("time").max = end();
-  SPEEDS.forEach((s, i) => { $("speed").options[i].textContent = `${short(s * full())} per s`; });
+  const rate = DATA.units.time === "s" ? "\u00d7 real time" : `${DATA.units.time || ""} per s`.trim();
+  SPEEDS.forEach((s, i) => { $("speed").options[i].textContent = `${+(s * full()).toPrecision(2)} ${rate}`; });
 }
 
 function startClock() {

@@ -1,6 +1,7 @@
 // Panels of the stage: models side by side, or one of them in front with the others as ghosts; colours of the theme.
 
 const HEAD = 24, SEAM = 8;
+const NARROW = 150;  // a narrower panel has no room for its heading
 const layout = { beside: false, front: 0 };
 let colours = {};
 
@@ -14,6 +15,7 @@ function panelsIn(width, height, worth, tall = (w, h) => h) {
   let best = null;
   for (let columns = 1; columns <= count; columns++) {
     const w = (width - SEAM * (columns - 1)) / columns, h = height / Math.ceil(count / columns) - head, size = worth(w, h);
+    if (best && w < NARROW) break;
     if (!best || size > best.size * 1.02) best = { columns, w, h, size };
   }
   const high = tall(best.w, best.h);

@@ -20,7 +20,7 @@ const KEYS = { z: () => zoom(1.25), x: () => zoom(0.8), r: () => { view.whole = 
 
 function start() {
   startPlayer();
-  layout.most = () => Math.min(0.6 * window.innerHeight, 600);
+  layout.most = () => Math.min((window.innerWidth > 500 ? 0.6 : 0.9) * window.innerHeight, 600);
   startRuns("models: shown, in front", CLIPS.length > 1);
   onPointer($("stage"), {
     zoomed: zoom,

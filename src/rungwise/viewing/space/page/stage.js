@@ -2,6 +2,7 @@
 
 const SUN = unit([-0.25, -0.6, 1.0]);
 const SAME = 0.004;  // how near, in sizes of the whole, a body is to be in the same place
+const APART = 0.01;  // and two ghosts
 const THROUGH = 0.28;  // what is left of bodies that are seen through
 let gpu = null;
 const stage = { panels: [] };  // as last drawn
@@ -68,18 +69,19 @@ function drawLayer(mesh, world, options) {
   gl.colorMask(true, true, true, true); drawMesh(mesh, world, options);
 }
 
-function drawGhost(clip, t, front) {
+// Not where the model in front is, nor where another ghost is drawn already: two skins in one place flicker.
+function drawGhost(clip, t, front, drawn) {
   const there = posesOf(clip, t), tint = [...rgb(colours.models[clip.index]), 0.8];
   gpu.casts[clip.cast].forEach((body, b) => {
-    if (samePlace(there[b], front[b])) return;
+    if (samePlace(there[b], front[b]) || drawn.some(other => samePlace(there[b], other[b], APART))) return;
     const world = posed(there[b]);
     drawLayer(body.opaque, world, { tint, solidity: clip.solidity }); drawLayer(body.clear, world, { tint, solidity: clip.solidity });
   });
 }
 
-function samePlace(a, b) {
+function samePlace(a, b, same = SAME) {
   const turned = 1 - Math.abs(a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6]);
-  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) < SAME * view.radius && turned < SAME * SAME;
+  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) < same * view.radius && turned < same * same;
 }
 
 function drawPanel(panel, t, options, ratio) {
@@ -104,7 +106,7 @@ function drawPanel(panel, t, options, ratio) {
     drawLayer(cast[b].clear, worlds[b]);
   }
   gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1, 4);  // where two films have a face in one plane, the one in front is seen
-  panel.ghosts.forEach(clip => drawGhost(clip, t, poses));
+  panel.ghosts.forEach((clip, k) => drawGhost(clip, t, poses, panel.ghosts.slice(0, k).map(other => posesOf(other, t))));
   gl.disable(gl.POLYGON_OFFSET_FILL);
   gl.disable(gl.CULL_FACE); gl.depthMask(false);
   drawCones(marks);
@@ -121,7 +123,7 @@ function onPanel(panel, place) {
 
 function drawStage(t, options) {
   const canvas = $("stage"), [width, height, ratio] = fitted(canvas);
-  stage.height = height; stage.panels = panelsOf(width, height);
+  stage.height = height; stage.panels = panelsOf(width, height).map(panel => ({ ...panel, names: [] }));
   if (view.whole && stage.panels.length) showWhole(stage.panels[0].width / stage.panels[0].height);
   stage.cell = round125(0.11 * view.distance); stage.perForce = options.length * NOMINAL * view.radius / DATA.force;
   if (gpu && !gpu.gl.isContextLost()) {
