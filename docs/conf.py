@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+from docutils import nodes
+from latex2mathml.converter import convert
+
 import rungwise
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
+    from sphinx.writers.html5 import HTML5Translator
 
 project = "rungwise"
 author = "The rungwise contributors"
@@ -19,7 +23,6 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
@@ -48,6 +51,8 @@ html_title = f"rungwise {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+# Formulas are MathML, which browsers draw without a script from the network.
+html_math_renderer = "mathml"
 
 
 def plain(*arguments: Any) -> None:
@@ -65,7 +70,20 @@ def inside(*arguments: Any) -> None:
     source[0] = re.sub(r"\]\(\.\./(CONTRIBUTING|CHANGELOG)\.md", lambda m: f"]({m[1].lower()}.md", source[0])
 
 
+def inline_formula(translator: HTML5Translator, node: nodes.Element) -> None:
+    """A formula in a line of text."""
+    translator.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def displayed_formula(translator: HTML5Translator, node: nodes.Element) -> None:
+    """A formula of its own, which scrolls where the page is too narrow."""
+    translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>')
+    raise nodes.SkipNode
+
+
 def setup(app: Sphinx) -> None:
     """Docstrings are changed before napoleon reads them."""
+    app.add_html_math_renderer("mathml", (inline_formula, None), (displayed_formula, None))
     app.connect("autodoc-process-docstring", plain, priority=100)
     app.connect("source-read", inside)

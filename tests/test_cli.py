@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -652,7 +651,7 @@ def test_plan_is_found_saved_verified_and_drawn(rungwise: Command, tmp_path: Pat
 
 
 def test_version_and_choices(rungwise: Command) -> None:
-    assert rungwise("--version").out == f"rungwise {version('rungwise')}\n"
+    assert rungwise("--version").out == f"rungwise {rw.__version__}\n"
     refused(rungwise("sim", "push"), "Missing option '--model'. Valid: kinematic, quasistatic-rigid")
     refused(rungwise("sim", "push", "--model"), "Valid: kinematic, quasistatic-rigid")
     refused(rungwise("check"), "Missing argument", "a YAML file, or blocks, book, card")

@@ -6,11 +6,11 @@ Exit codes: 0 the answer is positive, 1 it is negative or open, 2 bad input, 130
 from __future__ import annotations
 
 import sys
-from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
 
+from rungwise import __version__
 from rungwise.cli.commands import (
     check,
     compare,
@@ -61,7 +61,7 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     if sys.argv[1:2] == ["--version"]:
-        show(f"rungwise {version('rungwise')}")
+        show(f"rungwise {__version__}")
         sys.exit(0)
     try:
         with heard_at_once():
