@@ -116,14 +116,17 @@ class Coverage:
     widths: dict[str, float]
 
 
+def falling(trials: int, rng: np.random.Generator) -> Any:
+    """States (m, 6) of a part over the table, on its way down with a spin."""
+    q = [np.zeros(trials), rng.uniform(0.06, 0.09, trials), rng.uniform(-3.0, 3.0, trials)]
+    v = [rng.uniform(-1.0, 1.0, trials), rng.uniform(-1.5, -0.5, trials), rng.uniform(-10.0, 10.0, trials)]
+    return np.column_stack([*q, *v])
+
+
 def drops(case: Case, true: dict[str, float], trials: int, rng: np.random.Generator) -> rw.Motions:
     """Drops of a box with a spin onto a table."""
-    q = np.column_stack([np.zeros(trials), rng.uniform(0.06, 0.09, trials), rng.uniform(-3.0, 3.0, trials)])
-    v = np.column_stack(
-        [rng.uniform(-1.0, 1.0, trials), rng.uniform(-1.5, -0.5, trials), rng.uniform(-10.0, 10.0, trials)]
-    )
     names = ("part.x", "part.y", "part.angle")
-    places, speeds = _run(case, true, np.hstack([q, v]), 40, FRAMES)
+    places, speeds = _run(case, true, falling(trials, rng), 40, FRAMES)
     places += rng.normal(size=places.shape) * [PLACE, PLACE, TURN]
     speeds += rng.normal(size=speeds.shape) * [SPEED, SPEED, RATE]
     deviations = dict(zip(names, (PLACE, PLACE, TURN), strict=True))

@@ -12,15 +12,14 @@ the replay that confirms a plan.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+from arguments import of_tasks
 from longer_tasks import longer
 from published_tasks import FOLDER, suits_modes, with_fingers
 
@@ -90,12 +89,7 @@ def print_costs(scene: rw.Scene, seeds: Sequence[int], limit: float) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--limit", type=float, default=30.0)
-    parser.add_argument("--tasks", default="", help="beginnings of their names, with commas between")
-    given = parser.parse_args(arguments)
+    given = of_tasks(__doc__.splitlines()[0], FOLDER, 3, 30.0).parse_args(arguments)
     scenes = [rw.load(file) for file in (*sorted(given.folder.glob("*.yaml")), *with_fingers())]
     print(
         f"{'task':34} {'rung':17} {'planned':>8} {'cpu s':>7}  "

@@ -26,7 +26,6 @@ without the diagnosis between stages and the replay that confirms a plan.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from collections import Counter
@@ -40,6 +39,7 @@ from unittest.mock import patch
 
 import numpy as np
 import yaml
+from arguments import of_tasks
 from longer_tasks import longer
 from relatives import relative
 
@@ -259,11 +259,7 @@ def print_tallies(name: str, tallies: Mapping[str, Tally]) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--limit", type=float, default=60.0)
-    parser.add_argument("--tasks", default="", help="beginnings of their names, with commas between")
+    parser = of_tasks(__doc__.splitlines()[0], FOLDER, 5, 60.0)
     parser.add_argument(
         "--schedules", action="store_true", help="with and without the ladder and contact modes"
     )

@@ -17,9 +17,10 @@ import rungwise as rw
 from tests.pages import same
 
 ROOT = Path(__file__).parent.parent
+Patch, Printed = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 
 
-def script(path: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def script(path: str, monkeypatch: Patch) -> ModuleType:
     """The script as a module, with its own folder on the path as when it is run."""
     file = ROOT / path
     monkeypatch.syspath_prepend(str(file.parent))
@@ -32,7 +33,7 @@ def script(path: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:
     demo = script("examples/two_finger_ladder.py", monkeypatch)
     monkeypatch.setattr(demo, "FAN", (0.45, 0.9))
@@ -54,7 +55,7 @@ def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
 
 
 @pytest.mark.long
-def test_bands_agree_with_their_closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bands_agree_with_their_closed_forms(monkeypatch: Patch) -> None:
     bands = script("examples/bands.py", monkeypatch)
     scene = rw.load("two_finger")
     for case in bands.cases():
@@ -65,16 +66,14 @@ def test_bands_agree_with_their_closed_forms(monkeypatch: pytest.MonkeyPatch) ->
         assert low - slack <= 1.0 / measured.upper <= high + slack, case
 
 
-def test_bands_prints_every_case(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bands_prints_every_case(monkeypatch: Patch, capsys: Printed) -> None:
     bands = script("examples/bands.py", monkeypatch)
     assert bands.main(["--json"], bisections=1) == 0
     assert len(json.loads(capsys.readouterr().out)["bands"]) == len(bands.cases())
 
 
 @pytest.mark.long
-def test_sensitivities_of_a_push_are_the_differences_of_runs(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sensitivities_of_a_push_are_the_differences_of_runs(monkeypatch: Patch, capsys: Printed) -> None:
     example = script("examples/sensitivity.py", monkeypatch)
     monkeypatch.setattr(example, "STEP", 3.0 * example.STEP)
     monkeypatch.setattr(example, "STEPS", example.STEPS // 3)
@@ -86,9 +85,7 @@ def test_sensitivities_of_a_push_are_the_differences_of_runs(
     assert rigid["v1"] == pytest.approx(1.6 / 1.5, abs=1e-9) and rigid["iterations"] == 2
 
 
-def test_benchmark_measures_every_rung(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_benchmark_measures_every_rung(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/run.py", monkeypatch)
     assert benchmark.main(["--json"], ratios=(0.6, 1.4), repeats=1, with_command=False) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
@@ -96,9 +93,7 @@ def test_benchmark_measures_every_rung(
     assert all(row["steps_per_s"] > 0.0 for row in rows)
 
 
-def test_benchmark_of_work_and_precision(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_benchmark_of_work_and_precision(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/work_precision.py", monkeypatch)
     assert benchmark.main(["--json"], tols=(1e-3, 1e-4), repeats=1, shipped=("two_finger",)) == 0
     found = json.loads(capsys.readouterr().out)
@@ -106,9 +101,7 @@ def test_benchmark_of_work_and_precision(
     assert found["ratios"] and all(row["mean"] < 4.0 for row in found["ratios"] if row["what"] == "solves")
 
 
-def test_random_pushes_keep_what_tol_promises_in_any_frame(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_random_pushes_keep_what_tol_promises_in_any_frame(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/promise.py", monkeypatch)
     assert benchmark.main(["--json", "--pushes", "6"], fine=1e-7, repeats=1) == 0
     found = json.loads(capsys.readouterr().out)
@@ -118,13 +111,13 @@ def test_random_pushes_keep_what_tol_promises_in_any_frame(
         assert row["runs"] >= 4 and row["other_steps"] == 0 and row["greatest"] < 1e-3
 
 
-def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hierarchy_benchmark(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/hierarchy.py", monkeypatch)
     assert benchmark.main(["--scenes", "two_finger_free"], samples=0) == 0
     assert "two_finger_free: 1 runs" in capsys.readouterr().out
 
 
-def test_piles_are_timed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/piles.py", monkeypatch)
     monkeypatch.setattr(benchmark, "FALLEN", 20)
     benchmark.main(["--bodies", "21", "36", "--steps", "3", "--fall", "22"])
@@ -133,9 +126,7 @@ def test_piles_are_timed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     assert lines[8].split()[:2] == ["22", "dynamic-rigid"]
 
 
-def test_places_of_the_pin_of_the_part_feeder(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_places_of_the_pin_of_the_part_feeder(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:
     example = script("examples/part_feeder.py", monkeypatch)
     assert example.main(["--samples", "4", "--grid", "1", "--png", str(tmp_path / "map.png")]) == 0
     assert "100.0" in capsys.readouterr().out and (tmp_path / "map.png").stat().st_size > 20_000
@@ -145,7 +136,7 @@ def test_places_of_the_pin_of_the_part_feeder(
     assert all(row["successes"] >= 8 for row in found["rows"].values())
 
 
-def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_of_sets(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/sets.py", monkeypatch)
     assert benchmark.main(["--json"], runs=40, peer_runs=0, tols=(1 / 16, 1 / 32)) == 0
     found = json.loads(capsys.readouterr().out)
@@ -153,9 +144,7 @@ def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     assert found["costs"][1]["part_of_grid"] < found["costs"][0]["part_of_grid"]
 
 
-def test_benchmark_of_published_tasks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_benchmark_of_published_tasks(tmp_path: Path, monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/published_tasks.py", monkeypatch)
     benchmark.main(["--folder", str(tmp_path)])
     assert capsys.readouterr().out == f"no scenes in {tmp_path}: nothing is planned\n"
@@ -168,7 +157,7 @@ def test_benchmark_of_published_tasks(
     assert told == "  its authors: in 2 s"
 
 
-def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: Patch) -> None:
     """Each begins with bodies apart, away from its goal, and may take more moves than its model."""
     longer = script("benchmarks/longer_tasks.py", monkeypatch).longer(Path("nowhere"))
     assert len({scene.name for scene in longer}) == len(longer) == 4
@@ -181,7 +170,7 @@ def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: pytest.Monkey
 
 @pytest.mark.long
 def test_costs_of_contact_modes_are_counted_on_both_rungs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:
     """Trees, legs and runs take less than the whole."""
     costs = script("benchmarks/mode_costs.py", monkeypatch)
@@ -195,9 +184,7 @@ def test_costs_of_contact_modes_are_counted_on_both_rungs(
         assert 0 < sum(int(part.rstrip("%")) for part in (row[8], row[11], row[14])) <= 101
 
 
-def test_relatives_are_told_where_there_are_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_relatives_are_told_where_there_are_none(tmp_path: Path, monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/published_tasks.py", monkeypatch)
     (tmp_path / "other.yaml").write_text(rw.load("corner_pivot").yaml(), "utf-8")
     benchmark.main(["--folder", str(tmp_path), "--seeds", "1", "--relatives", "1"])
@@ -208,7 +195,7 @@ def test_relatives_are_told_where_there_are_none(
 
 
 @pytest.mark.parametrize("number", range(2))
-def test_a_relative_is_the_same_kind_of_task(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_relative_is_the_same_kind_of_task(number: int, monkeypatch: Patch) -> None:
     """A block at a wall stays there, its finger beside it; fingers do not feel another gravity either."""
     relatives = script("benchmarks/relatives.py", monkeypatch)
     task: dict[str, Any] = {
@@ -242,7 +229,7 @@ def test_a_relative_is_the_same_kind_of_task(number: int, monkeypatch: pytest.Mo
 
 
 def test_ladder_and_contact_modes_are_compared_on_a_task(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:
     benchmark = script("benchmarks/published_tasks.py", monkeypatch)
     arms = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
@@ -263,7 +250,7 @@ def test_ladder_and_contact_modes_are_compared_on_a_task(
     assert rows[4].endswith("of 1 tasks")
 
 
-def test_ladder_pays_where_no_other_way_finds_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ladder_pays_where_no_other_way_finds_a_plan(monkeypatch: Patch) -> None:
     benchmark = script("benchmarks/published_tasks.py", monkeypatch)
     lost, slow, fast = (
         benchmark.Tally(solved=solved, seconds=[seconds] * 2, searching=[seconds] * 2)
@@ -284,8 +271,8 @@ def test_push_is_planned_with_every_kind_of_resistance(
     kinds: tuple[str, ...],
     first: int,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    monkeypatch: Patch,
+    capsys: Printed,
 ) -> None:
     supports = script("examples/push_supports.py", monkeypatch)
     drag = rw.load(supports.scene("drag"))
@@ -297,9 +284,7 @@ def test_push_is_planned_with_every_kind_of_resistance(
     assert kept.file.task is not None
 
 
-def test_figure_2(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_figure_2(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:
     """Caught is form closure; a jam by friction is force closure alone; what slips out is held by neither."""
     figure = script("examples/figure2.py", monkeypatch)
     assert figure.main(["--out", str(tmp_path)]) == 0
@@ -316,9 +301,7 @@ def test_figure_2(
     assert found[0].free is None and found[1].free is found[1].form
 
 
-def test_figure_1(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_figure_1(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:
     """Feasible and doomed states are apart; the feasible ones are those of the closed form, |x3| < 1/2."""
     figure = script("examples/figure1.py", monkeypatch)
     arguments = ["--points", "41", "--cells", "16", "--speeds", "3", "--out", str(tmp_path)]
@@ -330,7 +313,7 @@ def test_figure_1(
 
 
 def test_three_fingers_lift_a_ball_where_there_is_friction(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:
     drawn = tmp_path / "space.png"
     assert script("examples/space_frames.py", monkeypatch).main([str(drawn)]) == 0
@@ -338,7 +321,7 @@ def test_three_fingers_lift_a_ball_where_there_is_friction(
     assert drawn.stat().st_size > 20_000
 
 
-def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_race_without_the_others(monkeypatch: Patch, capsys: Printed) -> None:
     race = script("benchmarks/race.py", monkeypatch)
     # Some of them fail on import where every warning is an error.
     monkeypatch.setattr(race.peers, "peers", list)
@@ -353,9 +336,7 @@ def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert all(slid[name]["acceleration_error"] < 5e-3 for name in ("dynamic-rigid", "dynamic-compliant"))
 
 
-def test_pushes_without_the_others(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pushes_without_the_others(monkeypatch: Patch, capsys: Printed) -> None:
     pushes = script("benchmarks/pushes.py", monkeypatch)
     monkeypatch.setattr(pushes, "find_spec", lambda _: None)
     assert pushes.main(["--runs", "5", "--json"], repeats=1) == 0
@@ -364,7 +345,7 @@ def test_pushes_without_the_others(
     assert all(row["error"] <= pushes.ALLOWED and row["steps"] <= 4 for row in rows)
 
 
-def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_squeezes_orient_a_part(monkeypatch: Patch, capsys: Printed) -> None:
     squeezes = script("benchmarks/squeeze.py", monkeypatch)
     monkeypatch.setattr(squeezes, "BISECTIONS", 2)
     assert squeezes.main(["--samples", "50", "--json"]) == 0
@@ -373,9 +354,7 @@ def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert all(said == foretold for _, said, foretold in found["rows"])
 
 
-def test_a_push_is_found_in_many_environments(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_push_is_found_in_many_environments(monkeypatch: Patch, capsys: Printed) -> None:
     example = script("examples/gym_push.py", monkeypatch)
     assert example.main(["--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -386,9 +365,7 @@ def test_a_push_is_found_in_many_environments(
     assert all(row["same"] for row in json.loads(capsys.readouterr().out))
 
 
-def test_guarded_moves_find_a_hole_without_chamfers(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_guarded_moves_find_a_hole_without_chamfers(monkeypatch: Patch, capsys: Printed) -> None:
     example = script("examples/peg_in_hole.py", monkeypatch)
     monkeypatch.setattr(example, "FRICTIONS", (0.2,))
     assert example.main(["--samples", "40", "--json"]) == 0
@@ -397,7 +374,7 @@ def test_guarded_moves_find_a_hole_without_chamfers(
 
 
 def test_a_clip_snaps_at_the_force_of_the_closed_form(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:
     example = script("examples/snap.py", monkeypatch)
     monkeypatch.setattr(example, "CASES", ((0.14, 1.0, 0.2),))
@@ -412,9 +389,7 @@ def test_a_clip_snaps_at_the_force_of_the_closed_form(
     assert (tmp_path / "snap.png").stat().st_size > 10_000
 
 
-def test_pegs_slide_and_jam_as_the_parallelogram_says(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pegs_slide_and_jam_as_the_parallelogram_says(monkeypatch: Patch, capsys: Printed) -> None:
     """Loads 2 % within it and beyond; two points hold a peg whatever the load iff it leans by c / mu."""
     jamming = script("benchmarks/jamming.py", monkeypatch)
     assert jamming.main(["--cases", "40", "--json"]) == 0
@@ -437,8 +412,8 @@ PAGES = sorted(
 def test_python_of_the_documentation_runs_and_prints(
     page: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    monkeypatch: Patch,
+    capsys: Printed,
 ) -> None:
     text = (ROOT / "docs" / page).read_text("utf-8")
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # as in a checkout
@@ -460,7 +435,7 @@ def test_every_scene_file_of_the_documentation_loads() -> None:
 
 
 def test_painleves_rod_has_no_acceleration_beyond_its_closed_form(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: Patch, capsys: Printed
 ) -> None:
     rod = script("examples/painleve.py", monkeypatch)
     least = math.atan(2.0)
@@ -476,7 +451,7 @@ def test_painleves_rod_has_no_acceleration_beyond_its_closed_form(
     assert row["no_acceleration"] < row["three_steps"] and row["pressed_steps"] == 1
 
 
-def test_painleves_rod_has_one_or_three_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_painleves_rod_has_one_or_three_steps(monkeypatch: Patch, tmp_path: Path) -> None:
     rod = script("examples/painleve.py", monkeypatch)
     for degrees in (20.0, 63.0):
         for mu in (0.3, 1.35, 1.7, 2.5):
@@ -490,9 +465,7 @@ def test_painleves_rod_has_one_or_three_steps(monkeypatch: pytest.MonkeyPatch, t
     assert (tmp_path / "rod.png").stat().st_size > 10_000
 
 
-def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(monkeypatch: Patch, capsys: Printed) -> None:
     example = script("examples/feedback.py", monkeypatch)
     assert example.main(["--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -500,9 +473,7 @@ def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(
     assert all(abs(row["turned"]) > 1.0 for row in found["pushes"] if not row["led"])
 
 
-def test_fingers_in_space_hold_on_rungs_with_forces(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_fingers_in_space_hold_on_rungs_with_forces(monkeypatch: Patch, capsys: Printed) -> None:
     example = script("examples/fingers_in_space.py", monkeypatch)
     assert example.main(["floor_push"]) == 0
     printed = capsys.readouterr().out

@@ -13,12 +13,10 @@ import rungwise as rw
 
 def pushed(friction: float, **support: Any) -> dict[str, Any]:
     rod = {
-        "role": "robot",
-        "shape": {"kind": "disc", "radius": 0.02},
-        "pose": {"x": -0.1, "y": 0.01},
+        "role": "robot", "shape": {"kind": "disc", "radius": 0.02}, "pose": {"x": -0.1, "y": 0.01},
         "motion": {"kind": "slide", "axis": [1, 0], "name": "s"},
         "coordinates": {"s": {"drive": {"kind": "speed", "speed": 0.2}}},
-    }
+    }  # fmt: skip
     box = {
         "role": "object",
         "shape": {"kind": "box", "width": 0.1, "height": 0.08},

@@ -106,6 +106,7 @@ LimitOption = Annotated[
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Overwrite the file or folder of --out if it exists.")
 ]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue from the batches kept in --out.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")]
 
 

@@ -21,14 +21,14 @@ from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.terms import DRIVE, JOINT, Terms, allocate_terms
 
-from .two_link_arm import TwoLinkArm
+from .two_link_arm import AtMostOneContact, TwoLinkArm
 
 Array = NDArray[np.float64]
 H, G = 1e-3, 9.81
 
 
 @dataclass
-class Particle:
+class Particle(AtMostOneContact):
     """At q = (x, y) over the floor y = 0; a row that moves x by gains (K, D), an aim and a limit."""
 
     q: Sequence[float] = (0.0, 0.0)
@@ -67,23 +67,11 @@ class Particle:
         gap = self.least_gap(moment.q)
         if gap > reach:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        terms.gap[0], terms.rows[0], terms.rows[1] = gap, (0.0, 1.0), (1.0, 0.0)
-        terms.friction[0], terms.restitution[0] = self.friction, self.restitution
-        terms.contact_stiffness[0] = self.stiffness * np.eye(2)
-        terms.contact_damping[0] = self.damping * np.eye(2)
-        return np.zeros(1, np.int64), np.zeros(1, np.int64)
-
-    def accept(self) -> None:
-        """The floor is the only contact: nothing is to be kept."""
-
-    def integrate(self, q: Array, v: Array, h: float) -> Array:
-        return q + h * v
+        rows = np.array([[0.0, 1.0], [1.0, 0.0]])
+        return self.touch(terms, gap, rows, self.stiffness, self.damping), np.zeros(1, np.int64)
 
     def least_gap(self, q: Array) -> float:
         return float(q[1])
-
-    def passes(self, _q: Array, _v: Array, _h: float) -> bool:
-        return False
 
     def fastest(self, _q: Array, v: Array) -> float:
         return 2.0 * float(np.hypot(*v))

@@ -19,8 +19,31 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+class AtMostOneContact:
+    """What systems of two coordinates with one surface have in common."""
+
+    friction: float
+    restitution: float
+
+    def touch(self, terms: Terms, gap: float, rows: Array, stiffness: float, damping: float) -> Ints:
+        """Fill in the contact, with its rows (2, 2), and return its slot; (1,)."""
+        terms.gap[0], terms.rows[0], terms.rows[1] = gap, rows[0], rows[1]
+        terms.friction[0], terms.restitution[0] = self.friction, self.restitution
+        terms.contact_stiffness[0], terms.contact_damping[0] = stiffness * np.eye(2), damping * np.eye(2)
+        return np.zeros(1, np.int64)
+
+    def accept(self) -> None:
+        """There is only one contact: nothing is to be kept."""
+
+    def integrate(self, q: Array, v: Array, h: float) -> Array:
+        return q + h * v
+
+    def passes(self, _q: Array, _v: Array, _h: float) -> bool:
+        return False
+
+
 @dataclass
-class TwoLinkArm:
+class TwoLinkArm(AtMostOneContact):
     q: tuple[float, float]
     v: tuple[float, float] = (0.0, 0.0)
     lengths: tuple[float, float] = (1.0, 0.8)
@@ -60,25 +83,11 @@ class TwoLinkArm:
         gap = self.least_gap(moment.q)
         if gap > reach:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        terms.gap[0] = gap
-        J = self.jacobian(moment.q)
-        terms.rows[0], terms.rows[1] = -J[0], J[1]
-        terms.friction[0], terms.restitution[0] = self.friction, self.restitution
-        terms.contact_stiffness[0] = self.stiffness * np.eye(2)
-        terms.contact_damping[0] = self.contact_damping * np.eye(2)
-        return np.zeros(1, np.int64), np.zeros(1, np.int64)
-
-    def accept(self) -> None:
-        """The wall is the only contact: nothing is to be kept."""
-
-    def integrate(self, q: Array, v: Array, h: float) -> Array:
-        return q + h * v
+        rows = [[-1.0], [1.0]] * self.jacobian(moment.q)
+        return self.touch(terms, gap, rows, self.stiffness, self.contact_damping), np.zeros(1, np.int64)
 
     def least_gap(self, q: Array) -> float:
         return self.wall - self.tip(q)[0]
-
-    def passes(self, _q: Array, _v: Array, _h: float) -> bool:
-        return False
 
     def fastest(self, _q: Array, v: Array) -> float:
         l1, l2 = self.lengths

@@ -15,19 +15,9 @@ from rungwise.simulation.spatial.run import SpaceSimulation
 
 Array = NDArray[np.float64]
 G = 9.81
-MOVING = [rung for rung in rw.LADDER if rung.moves]
-WITH_LOADS = [rung for rung in MOVING if rung.loads]
-DYNAMIC = [rung for rung in MOVING if rung.inertia > 0.0]
-QUASISTATIC = [rung for rung in WITH_LOADS if rung.inertia == 0.0]
-RIGID = [rung for rung in WITH_LOADS if not rung.compliant]
-COMPLIANT = [rung for rung in WITH_LOADS if rung.compliant]
 NO_GRAVITY = '<option gravity="0 0 0"/>'
 FLOOR = '<geom name="floor" type="plane" size="5 5 0.1"/>'
 SLIDER = '<body name="p"><joint name="j" type="slide" axis="0 0 1"/><geom size=".1" mass="2"/></body>'
-
-
-def named(rung: Rung) -> str:
-    return rung.name
 
 
 def world(*parts: str, before: str = "", after: str = "") -> str:

@@ -11,7 +11,8 @@ from rungwise.outcome import Code
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import QUASISTATIC, named, world
+from .measure import world
+from .rungs import QUASISTATIC, named
 
 FREE, DAMPED, SPRUNG, BOTH, SERVO = range(5)
 

@@ -9,7 +9,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, QUASISTATIC, WITH_LOADS, free, named, run, world
+from .measure import FLOOR, free, run, world
+from .rungs import DYNAMIC, QUASISTATIC, WITH_LOADS, named
 
 SEEDS = range(6)
 

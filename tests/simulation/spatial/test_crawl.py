@@ -9,7 +9,8 @@ from rungwise.models.ladder import Rung
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, NO_GRAVITY, free, named, world
+from .measure import FLOOR, NO_GRAVITY, free, world
+from .rungs import DYNAMIC, named
 
 BALL = (
     '<body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="b" size=".1" mass="1"/></body>'

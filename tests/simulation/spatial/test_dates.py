@@ -12,7 +12,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, MOVING, NO_GRAVITY, G, free, named, run, world
+from .measure import FLOOR, NO_GRAVITY, G, free, run, world
+from .rungs import DYNAMIC, MOVING, named
 
 STEP = 2e-3
 DRIVEN = '<body name="p"><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>'

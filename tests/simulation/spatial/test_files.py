@@ -13,7 +13,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import default_law
 
 from .conftest import Make
-from .measure import FLOOR, MOVING, NO_GRAVITY, WITH_LOADS, named, q, run, world
+from .measure import FLOOR, NO_GRAVITY, q, run, world
+from .rungs import MOVING, WITH_LOADS, named
 
 ARM = (
     '<site name="s" pos="0 .3 1"/>'

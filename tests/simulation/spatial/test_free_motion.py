@@ -11,7 +11,8 @@ from rungwise.models.ladder import Rung
 from rungwise.simulation.spatial.frames import Frame
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, NO_GRAVITY, Array, G, free, named, q, run, world
+from .measure import FLOOR, NO_GRAVITY, Array, G, free, q, run, world
+from .rungs import DYNAMIC, named
 
 INERTIA = np.array([2.0, 3.0, 4.0])
 TOP = '<body name="b"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="2 3 4"/></body>'

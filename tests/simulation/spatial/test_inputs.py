@@ -13,7 +13,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.result import SpaceRun
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, MOVING, NO_GRAVITY, SLIDER, WITH_LOADS, free, named, q, run, v, world
+from .measure import FLOOR, NO_GRAVITY, SLIDER, free, q, run, v, world
+from .rungs import DYNAMIC, MOVING, WITH_LOADS, named
 
 SCHEDULE = [
     {"inputs": {"u": 2.0}, "duration": 0.5},

@@ -13,7 +13,8 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, Array, G, free, named, q, run, v, world
+from .measure import FLOOR, Array, G, free, q, run, v, world
+from .rungs import DYNAMIC, named
 
 LAW = {"friction": 0.4, "stiffness": 1e5, "damping": 200.0}
 SPIN, SPEED = np.array([0.5, 3.0, 1.0]), np.array([1.0, 0.3, 0.0])

@@ -15,7 +15,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import RIGID, Array, named, run, world
+from .measure import Array, run, world
+from .rungs import RIGID, named
 
 R = 0.1
 

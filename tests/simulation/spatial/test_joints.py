@@ -12,23 +12,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import (
-    DYNAMIC,
-    FLOOR,
-    MOVING,
-    NO_GRAVITY,
-    QUASISTATIC,
-    SLIDER,
-    WITH_LOADS,
-    G,
-    forces,
-    free,
-    named,
-    q,
-    run,
-    v,
-    world,
-)
+from .measure import FLOOR, NO_GRAVITY, SLIDER, G, forces, free, q, run, v, world
+from .rungs import DYNAMIC, MOVING, QUASISTATIC, WITH_LOADS, named
 
 LINK = '<geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02" mass="1" contype="0" conaffinity="0"/>'
 DOUBLE = (

@@ -11,7 +11,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import FLOOR, MOVING, NO_GRAVITY, G, free, named, run, world
+from .measure import FLOOR, NO_GRAVITY, G, free, run, world
+from .rungs import MOVING, named
 
 STEP = 2e-3
 DRIVEN = '<body name="p"><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>'

@@ -12,7 +12,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import FLOOR, QUASISTATIC, free, named, world
+from .measure import FLOOR, free, world
+from .rungs import QUASISTATIC, named
 
 SEEDS = range(6)
 

@@ -11,20 +11,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import (
-    COMPLIANT,
-    DYNAMIC,
-    FLOOR,
-    MOVING,
-    NO_GRAVITY,
-    QUASISTATIC,
-    SLIDER,
-    free,
-    named,
-    q,
-    run,
-    world,
-)
+from .measure import FLOOR, NO_GRAVITY, SLIDER, free, q, run, world
+from .rungs import COMPLIANT, DYNAMIC, MOVING, QUASISTATIC, named
 
 BALL = free("b", "0.01 0.02 .1", 'size=".1"')
 LOW = [{"friction": 0.1}]

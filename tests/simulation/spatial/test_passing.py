@@ -12,7 +12,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import NO_GRAVITY, free, named, world
+from .measure import NO_GRAVITY, free, world
+from .rungs import named
 
 RIGID, COMPLIANT = rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT
 MANY = 150

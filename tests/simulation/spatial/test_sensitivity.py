@@ -12,7 +12,8 @@ from rungwise.models.ladder import Rung
 from rungwise.simulation.derivatives.in_space import SpaceSensitivity
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, NO_GRAVITY, G, free, named, world
+from .measure import FLOOR, NO_GRAVITY, G, free, world
+from .rungs import DYNAMIC, named
 
 MU, SPEED, STEPS, H = 0.3, 2.0, 50, 2e-3
 

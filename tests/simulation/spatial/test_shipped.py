@@ -12,7 +12,8 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 
-from .measure import DYNAMIC, WITH_LOADS, named, run
+from .measure import run
+from .rungs import DYNAMIC, WITH_LOADS, named
 
 
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)

@@ -11,21 +11,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import (
-    COMPLIANT,
-    DYNAMIC,
-    FLOOR,
-    QUASISTATIC,
-    RIGID,
-    WITH_LOADS,
-    G,
-    free,
-    named,
-    q,
-    run,
-    v,
-    world,
-)
+from .measure import FLOOR, G, free, q, run, v, world
+from .rungs import COMPLIANT, DYNAMIC, QUASISTATIC, RIGID, WITH_LOADS, named
 
 LAW = {"stiffness": 1e6, "damping": 2e3}
 STEEP = radians(20.0)

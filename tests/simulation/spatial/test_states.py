@@ -13,7 +13,8 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 
 from .conftest import Make
-from .measure import COMPLIANT, FLOOR, MOVING, RIGID, free, named, q, run, v, world
+from .measure import FLOOR, free, q, run, v, world
+from .rungs import COMPLIANT, MOVING, RIGID, named
 
 RNG = np.random.default_rng(5)
 SOFT = {"contacts": [{"stiffness": 4e3}]}

@@ -11,7 +11,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 from .conftest import Make
-from .measure import NO_GRAVITY, RIGID, named, q, v, world
+from .measure import NO_GRAVITY, q, v, world
+from .rungs import RIGID, named
 
 COEFFICIENTS = [(1.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (2.0, -3.0), (-0.5, 0.5), (1.0, -1.0, 2.0, -2.0)]
 

@@ -14,7 +14,8 @@ from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.system.spatial.turning import PART
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, named, run, world
+from .measure import FLOOR, run, world
+from .rungs import DYNAMIC, named
 
 
 def _arm(rng: np.random.Generator) -> str:

@@ -12,7 +12,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, QUASISTATIC, G, free, named, run, world
+from .measure import FLOOR, G, free, run, world
+from .rungs import DYNAMIC, QUASISTATIC, named
 
 R, I = 0.1, 0.4 * 0.1**2
 """Radius of a ball, and its inertia over its mass."""

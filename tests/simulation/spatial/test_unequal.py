@@ -9,7 +9,8 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, RIGID, WITH_LOADS, G, free, named, q, run, v, world
+from .measure import FLOOR, G, free, q, run, v, world
+from .rungs import DYNAMIC, RIGID, WITH_LOADS, named
 
 SIDE = 0.05
 CUBE = f'type="box" size="{SIDE} {SIDE} {SIDE}"'

@@ -27,19 +27,18 @@ def compare(
     samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn, besides the scene's.")] = 8,
     seed: arg.SeedOption = 0,
     accuracy: Annotated[
-        float,
-        arg.numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent.")
+        float, arg.numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent.")
     ] = 0.01,
     duration: Annotated[
         float | None,
-        arg.numeric("--time", "End of the runs; if not given, when the last rung has come to an end.")
+        arg.numeric("--time", "End of the runs; if not given, when the last rung has come to an end."),
     ] = None,
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,
     out: Annotated[Path | None, arg.path("--out", "Folder for the answer and its counterexamples.")] = None,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
-) -> int:  # fmt: skip
+) -> int:
     """Measure how far the models are apart on a scene. This is the paper's Table 1, with numbers. SCENE may
     also be a saved counterexample, whose two runs are repeated.
 

@@ -29,7 +29,7 @@ def doomed(
     cells: Annotated[int | None, typer.Option("--cells", help="Cells along each axis.")] = None,
     stride: Annotated[
         list[float] | None,
-        arg.numeric("--stride", "Macro-step in cells that the fastest coordinate moves; may be repeated.")
+        arg.numeric("--stride", "Macro-step in cells that the fastest coordinate moves; may be repeated."),
     ] = None,
     padding: Annotated[int, typer.Option("--padding", help="Neighbours examined together with a cell.")] = 1,
     solutions: Annotated[
@@ -40,7 +40,7 @@ def doomed(
     out: Annotated[Path | None, arg.path("--out", "Folder for the set and the figure.")] = None,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
-) -> int:  # fmt: skip
+) -> int:
     """Find states from which no input reaches the goal. Inputs stay within their bounds.
 
     Example: rungwise doomed two_finger --model kinematic --over x1,x3=-2:2,x2

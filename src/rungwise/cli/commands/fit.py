@@ -45,9 +45,7 @@ def fit(
     out: Annotated[
         Path | None, arg.path("--out", "Folder for batches, the answer, and the scene found.")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue from the batches kept in --out.")
-    ] = False,
+    resume: arg.ResumeOption = False,
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:

@@ -44,9 +44,7 @@ def sets(
         int, typer.Option("--certify", min=0, help="Number of fresh random points that test the result.")
     ] = 0,
     out: Annotated[Path | None, arg.path("--out", "Folder for batches, sets and the figure.")] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue from the batches kept in --out.")
-    ] = False,
+    resume: arg.ResumeOption = False,
     force: arg.ForceOption = False,
     html: Annotated[
         Path | None, arg.path("--html", "Surfaces, slices and runs in one file, for a browser.")
