@@ -8,10 +8,11 @@ itself.
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 from functools import cache, cached_property
 from importlib import import_module
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -41,11 +42,21 @@ class Block:
             object.__setattr__(self, name, value)
         table = np.array(words, np.int64)
         object.__setattr__(self, "_table", table)
-        object.__setattr__(self, "_address", _address(table))
+        object.__setattr__(self, "_address", address_of(table))
         object.__setattr__(self, "_layout", Layout(type(self).__name__, names, tuple(kinds)))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__}.{name} is fixed; write into the array instead")
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """A field of a block that a mould made, asked for for the first time."""
+            field = self.__dict__.get("_field")
+            if field is None or name not in self._layout.fields:
+                raise AttributeError(f"{type(self).__name__} has no field {name}")
+            value = self.__dict__[name] = field(name)
+            return value
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy has arrays of its own; where arrays shared memory, its arrays do not."""
@@ -90,11 +101,27 @@ _KNOWN: dict[type[Any], tuple[Layout, Any]] = {}
 takes a twentieth of the time of a look-up by their hash."""
 
 
+HEADER_DATA = 4
+"""Word of an array's header that is the address of its elements."""
+
+
+def header_words(kind: Kind) -> int:
+    """Words of the header of a field of this kind."""
+    return 1 if isinstance(kind, Layout) else HEADER_DATA + 1 + 2 * kind[1]
+
+
+def header_table(block: Block) -> list[int]:
+    """The headers of a block's fields, one after another."""
+    layout: Layout = block._layout  # type: ignore[attr-defined]
+    words = sum(header_words(kind) for kind in layout.kinds)
+    return list((ctypes.c_int64 * words).from_address(block._address))  # type: ignore[attr-defined]
+
+
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
     """An array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
     if isinstance(value, Block):
         return [value._address]  # type: ignore[attr-defined]
-    return [0, 0, value.size, value.itemsize, _address(value), *value.shape, *value.strides]
+    return [0, 0, value.size, value.itemsize, address_of(value), *value.shape, *value.strides]
 
 
 def layout_of(value: object) -> object:
@@ -108,6 +135,6 @@ def layout_of(value: object) -> object:
     return type(value)
 
 
-def _address(array: np.ndarray[Any, Any]) -> int:
+def address_of(array: np.ndarray[Any, Any]) -> int:
     """Where the array's elements begin; `array.ctypes` takes half as long again to say so."""
     return int(array.__array_interface__["data"][0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Iterable, Iterator
@@ -15,8 +16,6 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints
 
 STEPPING, PROVING = "within a step", "in the search for a proof"
-EARLY_S = 1e-3
-"""How long an alarm that is early waits before it looks at the clock again."""
 T = TypeVar("T")
 
 
@@ -104,35 +103,72 @@ class Deadline:
     def running(self, *cells: Ints) -> Iterator[Deadline]:
         """Within the context `halt`, and each of these cells (1,), is set when the time is over."""
         ended = [self.halt, *cells]
-        alarm = self._alarm(ended)
+        if self.is_over:
+            _fill(ended, 1)
         with _IN_TURN:
             _RUNNING[id(ended)] = ended
         try:
-            yield self
+            with set_at(self.ends, ended):
+                yield self
         finally:
-            if alarm is not None:
-                alarm.cancel()
-                alarm.join()
             with _IN_TURN:
                 del _RUNNING[id(ended)]
                 _fill(ended, 0)
 
-    def _alarm(self, cells: list[Ints]) -> threading.Timer | None:
-        """What sets the cells when the time is over; none without a limit."""
-        left = self.seconds
-        if left is None:
-            return None
-        if self.is_over:
-            _fill(cells, 1)
-        alarm = threading.Timer(left, self._ring, (cells,))
-        alarm.daemon = True
-        alarm.start()
-        return alarm
 
-    def _ring(self, cells: list[Ints]) -> None:
-        while not self.is_over:  # alarms may be early, by rounding
-            time.sleep(EARLY_S)
-        _fill(cells, 1)
+class Alarms:
+    """Sets cells at times of the monotonic clock. One thread does so for the whole process, and sleeps until
+    the first of the times: to start a thread takes as long as a short run."""
+
+    def __init__(self) -> None:
+        self._turn = threading.Condition()
+        self._waiting: dict[int, tuple[float, list[Ints]]] = {}
+        self._wakes = math.inf
+        self._thread: threading.Thread | None = None
+
+    def add(self, ends: float, cells: list[Ints]) -> None:
+        with self._turn:
+            self._waiting[id(cells)] = ends, cells
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._watch, name="rungwise alarms", daemon=True)
+                self._thread.start()
+            if ends < self._wakes:
+                self._wakes = ends
+                self._turn.notify()
+
+    def remove(self, cells: list[Ints]) -> None:
+        """The cells are not set any more once this has returned."""
+        with self._turn:
+            self._waiting.pop(id(cells), None)
+
+    def _watch(self) -> None:
+        with self._turn:
+            while True:
+                now = time.monotonic()
+                for key, (ends, cells) in list(self._waiting.items()):
+                    if now >= ends:
+                        _fill(cells, 1)
+                        del self._waiting[key]
+                self._wakes = min((ends for ends, _ in self._waiting.values()), default=math.inf)
+                self._turn.wait(None if self._wakes == math.inf else self._wakes - now)
+
+
+_ALARMS = Alarms()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_ALARMS.__init__)  # type: ignore[misc]
+
+
+@contextmanager
+def set_at(ends: float, cells: list[Ints]) -> Iterator[None]:
+    """Within the context each of these cells (1,) is set when this time of the monotonic clock has come, if
+    it is finite."""
+    if ends < math.inf:
+        _ALARMS.add(ends, cells)
+    try:
+        yield
+    finally:
+        if ends < math.inf:
+            _ALARMS.remove(cells)
 
 
 _RUNNING: dict[int, list[Ints]] = {}

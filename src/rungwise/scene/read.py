@@ -45,6 +45,8 @@ def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = Fa
 
 
 def _read(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
+    if isinstance(source, AnyScene):
+        return source
     if not isinstance(source, str | Path | Mapping):
         if not hasattr(source, "world"):
             raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from rungwise.block import Block
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
+from rungwise.mould import Mould
 from rungwise.plain import cut
 from rungwise.scene.bind.bind import bind
 from rungwise.scene.contract import AnyScene
@@ -32,7 +33,7 @@ from rungwise.scene.language.expression import STACK
 from rungwise.scene.template import faults
 from rungwise.scene.template import records as rec
 from rungwise.scene.template.build import build
-from rungwise.scene.template.template import Template
+from rungwise.scene.template.template import Numbers, Template
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -50,16 +51,16 @@ class InvalidScene(SceneError):
     """The scene is well written but impossible at these parameters."""
 
 
-@dataclass(frozen=True)
-class Bound:
+class Bound(Block):
     """A scene with every number known, ready for kernels.
 
-    Expressions read `values`: parameters, t, q, v, gaps, normal forces, tolerance.
+    `records` are views of `buffer`. Expressions read `values`: parameters, t, q, v, gaps, normal forces,
+    tolerance.
     """
 
-    buffer: NDArray[np.float64]
+    buffer: Reals
     records: rec.Records
-    values: NDArray[np.float64]
+    values: Reals
 
     @property
     def tolerance(self) -> float:
@@ -119,19 +120,23 @@ class Scene(AnyScene):
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
         """All numbers at these parameters. Raises InvalidScene, naming the field, when the scene is
         impossible."""
+        return self.bind_values(self.parameters(given).values())
+
+    def bind_values(self, told: Collection[float]) -> Bound:
+        """The same at the values of all parameters, checked and in order."""
         template = self.template
-        buffer = template.buffer.copy()
-        records = rec.views(buffer, template.counts)
-        values = np.zeros(template.value_count)
-        values[: len(template.parameters)] = list(self.parameters(given).values())
+        numbers, bounds = _mould(template)
+        bound = bounds.cast()
+        buffer, records, values = bound.buffer, bound.records, bound.values
+        values[: len(template.parameters)] = list(told)
         checks = template.checks
-        fault, index = bind(template.fixed_numbers(), checks.bounds, values, np.zeros(STACK), buffer, records)
+        fault, index = bind(numbers, checks.bounds, values, np.zeros(STACK), buffer, records)
         if fault == faults.OUT_OF_RANGE:
             raise InvalidScene(self._out_of_range(index, float(buffer[checks.bounds.slots[index]])))
         if fault != faults.BOUND:
             raise InvalidScene(f"{self._place(fault, index, records)}: {faults.FAULTS[fault]}")
         values[-1] = records.world[0]["tolerance"]
-        return Bound(buffer, records, values)
+        return bound
 
     def _out_of_range(self, index: int, value: float) -> str:
         known, path = self.template.checks.bounds, self.template.checks.paths[index]
@@ -153,6 +158,14 @@ class Scene(AnyScene):
         if fault == faults.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
+
+
+@lru_cache(maxsize=64)
+def _mould(template: Template) -> tuple[Numbers, Mould[Bound]]:
+    """Programs of the numbers that parameters determine, and what is bound, with literal numbers alone."""
+    buffer = template.buffer.copy()
+    records, values = rec.views(buffer, template.counts), np.zeros(template.value_count)
+    return template.fixed_numbers(), Mould(Bound(buffer=buffer, records=records, values=values))
 
 
 @keywords

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeAlias
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Code, Programs, evaluate
 from rungwise.scene.language.names import with_times
+from rungwise.scene.template.template import Numbers
 from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.lasting import STATED
 from rungwise.wording import choices
@@ -98,7 +100,9 @@ def level(scene: AnyScene, path: str, name: object, value: object) -> float:
 
 def condition(scene: AnyScene, text: object, path: str) -> Code:
     """The program of a segment's condition, an empty one for None. Raises ScheduleError."""
-    if text is not None and not isinstance(text, str):
+    if text is None:
+        return Code()
+    if not isinstance(text, str):
         raise ScheduleError(f"{path}: must be text, not {shown(text)}")
     try:
         code: Code = scene.template.names().condition(text, path, "until")
@@ -111,23 +115,54 @@ def compiled(
     scene: Scene, durations: Reals, levels: Reals, ramps: Ints, until: Sequence[str | None]
 ) -> Inputs:
     """A schedule as kernels take it: durations (s,), levels (s, u), ramps (s,), and conditions or None."""
-    template = scene.template
-    conditions = [condition(scene, text, f"until.{k}") for k, text in enumerate(until)]
-    programs, ways = Programs([*conditions, *with_times(conditions)]), template.names().ways
-    rests = template.conditions.reads(ways) or programs.reads(ways)
+    conditions, own = [condition(scene, text, f"until.{k}") for k, text in enumerate(until)], _own(scene)
+    programs = Programs([*conditions, *with_times(conditions)])
     return Inputs(
-        speeds=template.timed_speeds(),
-        numbers=template.timed_numbers(),
-        timed=np.array([template.reads_time, template.awaits_time], np.int64),
-        rests=np.array([rests], np.int64),
-        columns=np.array([template.parameters.index(name) for name in template.inputs], np.int64),
-        durations=durations, levels=levels, ramps=ramps,
+        speeds=own.speeds, numbers=own.numbers, timed=own.timed,
+        rests=np.array([own.rests or programs.reads(own.ways)], np.int64),
+        columns=own.columns, durations=durations, levels=levels, ramps=ramps,
         code=programs.code, constants=programs.constants, table=programs.table,
     )  # fmt: skip
 
 
+class _Own(NamedTuple):
+    """The fields of `Inputs` that a scene decides alone, where expressions read the ways of bodies, and
+    whether the scene's own conditions do."""
+
+    speeds: Numbers
+    numbers: Numbers
+    timed: Ints
+    columns: Ints
+    ways: range
+    rests: bool
+
+
+@lru_cache(maxsize=64)
+def _own(scene: Scene) -> _Own:
+    template = scene.template
+    ways = template.names().ways
+    return _Own(
+        template.timed_speeds(),
+        template.timed_numbers(),
+        np.array([template.reads_time, template.awaits_time], np.int64),
+        np.array([template.parameters.index(name) for name in template.inputs], np.int64),
+        ways,
+        template.conditions.reads(ways),
+    )
+
+
 def compile_segments(scene: Scene, segments: Sequence[Segment]) -> Inputs:
     """Checked segments as kernels take them."""
+    return _compiled(scene, segments) if segments else _without_segments(scene)
+
+
+@lru_cache(maxsize=64)
+def _without_segments(scene: Scene) -> Inputs:
+    """The same for all runs: there is nothing in it that one writes."""
+    return _compiled(scene, ())
+
+
+def _compiled(scene: Scene, segments: Sequence[Segment]) -> Inputs:
     names = scene.template.inputs
     levels = [[segment.inputs.get(name, math.nan) for name in names] for segment in segments]
     return compiled(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Mapping
 from functools import partial, reduce
@@ -15,6 +14,7 @@ import numpy as np
 
 from rungwise.contact.judge import Balance
 from rungwise.contact.step import ContactProblem, trim
+from rungwise.deadline import set_at
 from rungwise.kernel import Ints, Reals, linking_time, steady
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -28,9 +28,10 @@ from rungwise.simulation.live.planar import Growing, contacts_of
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.begin import take_start
+from rungwise.simulation.planar.state.allocation import allocate
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import begin_inputs
-from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate
+from rungwise.simulation.planar.state.workspace import CONTROL, Workspace
 from rungwise.simulation.reasons.reasons import JAM as JAM
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
@@ -81,7 +82,7 @@ class Simulation(Turns):
             except ValueError as error:
                 raise ModelError(str(error)) from None
         try:
-            self._bound = self.scene.bind(self.parameters)
+            self._bound = self.scene.bind_values(self.parameters.values())
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)
             return
@@ -100,9 +101,7 @@ class Simulation(Turns):
         self._rung = self.model.record(self.theta)
         noted = self.hard is not None
         try:
-            self.workspace = allocate(
-                self._bound.records, self._bound.values, self.scene.template, frames, noted
-            )
+            self.workspace = allocate(self.scene.template, self._bound.values, frames, noted)
         except MemoryError:
             pairs = len(self._bound.records.pairs)
             raise ModelError(
@@ -191,9 +190,10 @@ class Simulation(Turns):
         clock, last = self.workspace.state.clock, self._growing.count - 1
         state = self.given.state
         began = float(clock[0]["opened"]) if last else 0.0 if state is None else state.time
-        begin_inputs(self._growing.since(last), self._bound.buffer, self.workspace)
+        begin_inputs(self._growing.last, self._bound.buffer, self.workspace)
         clock["segment"], clock["opened"] = last, began
-        self._setting = self._setting._replace(inputs=self._growing.since(0))
+        if self._setting.inputs is not self._growing.whole:
+            self._setting = self._setting._replace(inputs=self._growing.whole)
         if not clock[0]["steps"]:  # what is driven begins at the speeds that are told, without a jump
             own = self._bound.records.coordinates
             led = own["drive"] == SPEED
@@ -229,10 +229,8 @@ class Simulation(Turns):
         signals = np.zeros(1, np.int64)
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
-            alarm = threading.Timer(TURN_S, signals.fill, (1,))
-            alarm.start()
-            self.outcome = self._take(self._turn, signals, workspace)
-            alarm.cancel()
+            with set_at(time.monotonic() + TURN_S, [signals]):
+                self.outcome = self._take(self._turn, signals, workspace)
         else:
             self.outcome = self._take(steps, signals, workspace)
         took = time.perf_counter() - began - (linking_time() - waited)

@@ -15,7 +15,8 @@ from rungwise.models.ladder import rung
 from rungwise.outcome import Outcome
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.result import MovingRun
-from rungwise.simulation.planar.state.workspace import Workspace, allocate
+from rungwise.simulation.planar.state.allocation import allocate
+from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import StateError
 from rungwise.simulation.trajectory import STATES, read_saved
@@ -89,7 +90,7 @@ def planar_run(scene: Any, saved: Saved) -> Run:
     """A planar run. Raises StateError where another version saved it."""
     memories = np.array(saved.memories)
     bound = scene.bind(saved.fields["parameters"])
-    workspace = allocate(bound.records, bound.values, scene.template, max(3, len(memories)))
+    workspace = allocate(scene.template, bound.values, max(3, len(memories)))
     _recall(workspace, memories)
     run = Run(
         scene=scene, **saved.fields, motion=saved.told["motion"], attempts=saved.told["attempts"],

@@ -29,7 +29,8 @@ from rungwise.simulation.planar.samples import (
     Samples,
     run_samples,
 )
-from rungwise.simulation.planar.state.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
+from rungwise.simulation.planar.state.allocation import allocate
+from rungwise.simulation.planar.state.workspace import CLOCK, CONTROL, Workspace, in_memory
 from rungwise.simulation.reasons.reasons import CLOSER, JAM, LOOKS
 from rungwise.simulation.state import Memory, digest
 from rungwise.simulation.turns import LONGEST, TURN_S
@@ -208,7 +209,7 @@ class Workers:
         template, segments = self.scene.template, len(self._until)
         buffer = template.buffer.copy()
         records = rec.views(buffer, template.counts)
-        workspace = allocate(records, np.zeros(template.value_count), template, 3)
+        workspace = allocate(template, np.zeros(template.value_count), 3)
         workspace.state.prefer[:] = self._preferred
         inputs = compiled(
             self.scene, np.zeros(segments), np.zeros((segments, len(template.inputs))), self._ramps.copy(),

@@ -41,7 +41,7 @@ class Checks:
     paths: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Template:
     """A scene ready to be bound: `buffer` holds the literals, programs write the expressions to `targets`.
 

@@ -24,42 +24,43 @@ ROOM = 64
 
 class Growing:
     """A schedule to which segments are added one by one, in room that doubles; behind them inputs stay as
-    they are."""
+    they are.
+
+    whole: the schedule as kernels take it, with all its room; last: its last segment alone, and what follows.
+    Both are written where a segment is added or shortened; `whole` is another where it had no room left.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._names, self.count = scene.template.inputs, 0
         self._made = compile_segments(scene, [FOR_GOOD])
-        u = len(self._names)
-        self._durations, self._levels = np.full(ROOM, math.inf), np.full((ROOM, u), math.nan)
-        self._ramps, self._table = np.zeros(ROOM, np.int64), np.zeros((ROOM, 2), np.int64)
+        self.whole, self.last = self._with_room(ROOM), self._with_room(2)
 
     def add(self, segment: Segment) -> None:
-        if self.count + 1 == len(self._durations):
+        if self.count + 1 == len(self.whole.durations):
             self._grow()
-        k = self.count
-        self._durations[k], self._ramps[k] = segment.duration, segment.ramp
-        self._levels[k] = [segment.inputs.get(name, math.nan) for name in self._names]
+        levels = [segment.inputs.get(name, math.nan) for name in self._names]
+        for inputs, k in ((self.whole, self.count), (self.last, 0)):
+            inputs.durations[k], inputs.ramps[k], inputs.levels[k] = segment.duration, segment.ramp, levels
         self.count += 1
 
     def shorten(self, duration: float) -> None:
         """The last segment has lasted only so long."""
-        self._durations[self.count - 1] = duration
+        self.whole.durations[self.count - 1] = self.last.durations[0] = duration
 
-    def since(self, first: int) -> Inputs:
-        """Segments from `first` on, as kernels take them."""
-        part, made = slice(first, self.count + 1), self._made
+    def _with_room(self, room: int) -> Inputs:
+        """An empty schedule with room for so many segments."""
+        made = self._made
         return Inputs(
             speeds=made.speeds, numbers=made.numbers, timed=made.timed, rests=made.rests,
-            columns=made.columns, durations=self._durations[part], levels=self._levels[part],
-            ramps=self._ramps[part], code=made.code, constants=made.constants, table=self._table[part],
+            columns=made.columns, durations=np.full(room, math.inf),
+            levels=np.full((room, len(self._names)), math.nan), ramps=np.zeros(room, np.int64),
+            code=made.code, constants=made.constants, table=np.zeros((room, 2), np.int64),
         )  # fmt: skip
 
     def _grow(self) -> None:
-        more = len(self._durations)
-        self._durations = np.concatenate([self._durations, np.full(more, math.inf)])
-        self._levels = np.concatenate([self._levels, np.full((more, len(self._names)), math.nan)])
-        self._ramps = np.concatenate([self._ramps, np.zeros(more, np.int64)])
-        self._table = np.concatenate([self._table, np.zeros((more, 2), np.int64)])
+        before, self.whole = self.whole, self._with_room(2 * len(self.whole.durations))
+        for name in ("durations", "levels", "ramps"):
+            getattr(self.whole, name)[: self.count] = getattr(before, name)[: self.count]
 
 
 def contacts_of(

@@ -227,8 +227,8 @@ class Reasons:
     def notes(self) -> tuple[str, ...]:
         """Remarks on the run so far (see `simulation.reasons.remarks`)."""
         found = remarks(
-            self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved(),
-            self._hindrance().why_short(),
+            self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved,
+            self._hindrance().why_short,
         )  # fmt: skip
         found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
         leap = leap_taken(self.scene, self.bound, self.workspace, self._far())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import LADDER, Rung
@@ -23,11 +24,12 @@ impacts is not sure. Chosen by trial."""
 
 
 def remarks(
-    rung: Rung, theta: float, control: RecordArray, clock: RecordArray, size: float, short: str
-) -> tuple[str, ...]:
+    rung: Rung, theta: float, control: RecordArray, clock: RecordArray, size: Callable[[], float],
+    short: Callable[[], str],
+) -> tuple[str, ...]:  # fmt: skip
     """All remarks on a run so far, beside its verdict; add a line here for a new kind.
 
-    `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come; `size` is the
+    `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come; `size` tells the
     reach of the smallest body that forces move, `short` a clause on what kept steps short.
     """
     found = (
@@ -68,6 +70,7 @@ def stillness(bodies: Mapping[str, tuple[float, bool]], time: float, tolerance: 
     return ""
 
 
+@lru_cache(maxsize=64)
 def untouchable(scene: Scene) -> tuple[str, ...]:
     """A line for bodies that move, that no joint holds, and that nothing can touch."""
     met = {name for pair in scene.template.contacts for name in pair}
@@ -85,7 +88,7 @@ def _theta(rung: Rung, theta: float) -> str:
     return f"theta: {theta:g} has no effect on the {rung.name} rung: its steps are fully implicit"
 
 
-def _step(control: RecordArray, clock: RecordArray, short: str) -> str:
+def _step(control: RecordArray, clock: RecordArray, short: Callable[[], str]) -> str:
     """A step of fixed length that was far too long for the scene."""
     step, duration, steps, time = (
         float(control[0]["step"]),
@@ -100,7 +103,7 @@ def _step(control: RecordArray, clock: RecordArray, short: str) -> str:
         lines.append(f"{step:g} is longer than the whole run ({duration:g})")
     if steps > SHORTENED * max(1.0, time / min(step, duration)):
         lines.append(
-            f"{steps} steps were taken, on average of {time / steps:.3g}: {short or 'they had to be'}"
+            f"{steps} steps were taken, on average of {time / steps:.3g}: {short() or 'they had to be'}"
         )
     return "step: " + "; ".join(lines) if lines else ""
 
@@ -118,11 +121,14 @@ def _tolerance(control: RecordArray, clock: RecordArray) -> str:
     )
 
 
-def _error(rung: Rung, control: RecordArray, size: float) -> str:
+def _error(rung: Rung, control: RecordArray, reach: Callable[[], float]) -> str:
     """An allowed error that is not small beside the bodies, where they have momentum: impacts turn small
     errors into other courses."""
     error = float(control[0]["error"])
-    if rung.inertia == 0.0 or not math.isfinite(size) or error <= ROUGH * size:
+    if rung.inertia == 0.0 or error == 0.0:
+        return ""
+    size = reach()
+    if not math.isfinite(size) or error <= ROUGH * size:
         return ""
     return (
         f"tol: {error:.3g} is not small beside the smallest body that moves, whose reach is {size:.3g}: after"

@@ -22,7 +22,8 @@ from rungwise.scene import Scene, SceneError
 from rungwise.scene.read import load_planar
 from rungwise.scene.template.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
-from rungwise.simulation.planar.state.workspace import allocate, in_memory
+from rungwise.simulation.planar.state.allocation import allocate
+from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.raised import raised_in
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
@@ -172,7 +173,7 @@ def still(scene: Scene, model: Rung, parameters: Mapping[str, float], state: Sta
     """Clip of one frame, a state; forces are those that its run found there, where a force is one and no
     impact."""
     bound = scene.bind(parameters)
-    like = allocate(bound.records, bound.values, scene.template, 3).state
+    like = allocate(scene.template, bound.values, 3).state
     mode, force, push_is = like.modes[None], like.force[None], ""
     memory = memory_of(state, digest(scene), like)
     heights = {}

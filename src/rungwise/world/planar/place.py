@@ -18,7 +18,8 @@ from rungwise.scene.language.expression import SLOTS, Programs
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
-from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate, in_memory
+from rungwise.simulation.planar.state.allocation import allocate
+from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, in_memory
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
 from rungwise.system.planar.place import start, turns
@@ -42,7 +43,7 @@ class PlanarPlace:
         self.scene, self.bound = scene, scene.bind(parameters)
         records, template = self.bound.records, scene.template
         self.columns = np.array([template.parameters.index(name) for name in template.inputs], np.int64)
-        self.workspace: Workspace = allocate(records, self.bound.values, scene.template, 3)
+        self.workspace: Workspace = allocate(scene.template, self.bound.values, 3)
         control = np.zeros(1, CONTROL)
         control["step"], control["tolerance"] = records.world[0]["step"], records.world[0]["tolerance"]
         start(records, self.workspace.state.q, self.workspace.state.v)

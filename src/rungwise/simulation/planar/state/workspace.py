@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.contact.step import STICK, ContactProblem, allocate_problem
+from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
-from rungwise.scene.language.expression import SLOTS, STACK
-from rungwise.scene.template.records import POISSON, STICKS, Records
-from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
-from rungwise.system.entries import CROWDED
-from rungwise.system.planar.corners import Course, allocate_course
-from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds
-from rungwise.system.planar.place import Placement, allocate_placement
-from rungwise.system.planar.pressed import allocate_surfaces
-from rungwise.system.planar.seams import Seams, allocate_seams
-from rungwise.system.terms import Terms, allocate_terms
+from rungwise.system.planar.corners import Course
+from rungwise.system.planar.manifold import Manifolds
+from rungwise.system.planar.place import Placement
+from rungwise.system.planar.seams import Seams
+from rungwise.system.terms import Terms
 
 Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 """Programs of the scene's conditions: code, constants and table."""
-Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
-"""Shapes and types of fields, by name."""
 
 CLOCK = record_type(
     core.COUNTS
@@ -62,15 +54,6 @@ CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
 steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed length; jam: greatest motion in a
 step without solution that counts as a jam."""
-
-
-RECORDED = 100_000_000
-"""Numbers (800 MB) in the frames of a crowded run, at most, but for three frames: each has a place for each
-pair of shapes that may touch."""
-NEAR_EACH = 8
-"""Contacts near each shape that a crowded step has room for."""
-ROOM = 1_000_000
-"""Numbers (8 MB) for the notes of hard steps between two looks at them; more if one might not fit."""
 
 
 class State(core.State):
@@ -234,165 +217,3 @@ def in_memory(state: State, name: str, memories: Reals) -> NDArray[Any]:
     own = fields[name]
     part = np.ascontiguousarray(memories[:, at : at + own.nbytes // 8])
     return part.view(own.dtype).reshape(len(part), *own.shape)
-
-
-def _in_one_array(fields: Fields) -> tuple[Reals, dict[str, NDArray[Any]]]:
-    """An array of zeros, and fields of these shapes and types, whose elements are 8 bytes long or several
-    times that, as views of it."""
-    length = {name: math.prod(shape) * np.dtype(kind).itemsize // 8 for name, (shape, kind) in fields.items()}
-    memory, views, at = np.zeros(sum(length.values())), {}, 0
-    for name, (shape, kind) in fields.items():
-        views[name] = memory[at : at + length[name]].view(kind).reshape(shape)
-        at += length[name]
-    return memory, views
-
-
-def _snapshot(memory: Reals, carried: dict[str, NDArray[Any]], at: int, n: int) -> Snapshot:
-    """A snapshot in this memory, whose values have n places from `at` on, then speeds."""
-    values, contacts = carried["values"], carried["recent"].shape[1]
-    return Snapshot(
-        memory=memory,
-        clock=carried["clock"],
-        q=values[at : at + n],
-        v=values[at + n : at + 2 * n],
-        features=carried["features"],
-        deformation=carried["deformation"],
-        modes=carried["modes"],
-        limited_mode=carried["limited_mode"],
-        force=carried["force"],
-        impulse=np.zeros_like(carried["force"]),
-        impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
-        dates=values[at + 2 * n + 3 * contacts :][:SLOTS],
-        recent=carried["recent"],
-        turn=np.zeros(1, np.int64),
-    )
-
-
-def most_contacts(records: Records) -> int:
-    """Contacts that a crowded step has room for, travel limits among them: of convex bodies in the plane each
-    touches less than six others on average. Where more are near, a step looks less far."""
-    stops = 2 * len(records.coordinates) + 2 * len(records.measures)
-    return NEAR_EACH * len(records.shapes) + stops
-
-
-def _side(records: Records, limited: int) -> int:
-    """Side of the matrix in which velocities are led along joints, if there are any."""
-    return len(records.coordinates) + limited if len(records.measures) > 0 else 0
-
-
-def allocate(
-    records: Records, values: Reals, template: Template, frames: int, noted: bool = False
-) -> Workspace:
-    """Arrays for a scene bound at these values; q, v, gaps and forces are views into a copy of `values`,
-    where conditions read them.
-
-    `noted` makes room for notes of hard steps.
-    """
-    n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
-    slots = 2 * pairs + 2 * n + 2 * len(records.measures)
-    limited, d, crowded = 2 * n + 3 * len(records.measures), 2, n >= CROWDED
-    rows = min(slots, most_contacts(records)) if crowded else slots
-    at, inputs, named = len(template.parameters) + 1, len(template.inputs), records.contacts["laws"]
-    impacts = rows if (named & POISSON).any() else 0
-    limited, surfaces = limited + impacts, allocate_surfaces(records)
-    exact = len(surfaces["exact"])
-    problem = allocate_problem(n, rows, limited)
-    notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
-    fields: Fields = {  # in the order of `in_memory`
-        "clock": ((1,), CLOCK),
-        "values": (values.shape, np.float64),
-        "start": ((n + len(records.measures),), np.float64),
-        "levels": ((inputs,), np.float64),
-        "recent": ((2, contacts), np.float64),
-        "features": ((2 * pairs,), np.int64),
-        "points": ((2 * pairs, 5), np.float64),
-        "deformation": ((slots, d), np.float64),
-        "modes": ((slots,), np.int64),
-        "force": ((slots, d), np.float64),
-        "limited_mode": ((limited,), np.int64),
-        "limited_force": ((limited,), np.float64),
-    }
-    memory, carried = _in_one_array(fields)
-    carried["values"][:], carried["features"][:], carried["limited_mode"][:] = values, ABSENT, STICK
-    values = carried["values"]
-    state = State(
-        clock=carried["clock"],
-        v=values[at + n : at + 2 * n],
-        **core.state_arrays(n, slots, d)
-        | {name: carried[name] for name in ("deformation", "modes", "force")}
-        | {"laws": np.zeros((3, slots if (named & (STICKS | POISSON)).any() else 0))},
-        memory=memory,
-        values=values,
-        q=values[at : at + n],
-        pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
-        impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
-        dates=values[at + 2 * n + 3 * contacts :][:SLOTS],
-        ways=values[at + 2 * n + 3 * contacts + SLOTS : -1],
-        recent=carried["recent"],
-        start=carried["start"],
-        levels=carried["levels"],
-        prefer=np.zeros(n),
-        placed=allocate_placement(records),
-        manifolds=allocate_manifolds(
-            records,
-            features=carried["features"],
-            points=carried["points"],
-            deformation=carried["deformation"][: 2 * pairs],
-            modes=carried["modes"][: 2 * pairs],
-            force=carried["force"][: 2 * pairs],
-            gaps=values[at + 2 * n : at + 2 * n + contacts],
-        ),
-    )
-    scratch = Scratch(
-        **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
-        | {name: carried[name] for name in ("limited_mode", "limited_force")}
-        | {"impact": np.zeros((4, impacts)), "bare": np.zeros((3 * exact, n))}
-        | {"ellipsoid": np.zeros((exact, core.ELLIPSOID))},
-        slowest=np.zeros(n),
-        held=np.zeros(n, np.int64),
-        probe=np.zeros((2, 5)),
-        row=np.zeros(n),
-        measures=np.zeros(len(records.measures)),
-        stack=np.zeros(STACK),
-        begun=np.zeros(len(values)),
-        ended=np.zeros(len(values)),
-        undefined=np.full(1, -1, np.int64),
-    )
-    if crowded:
-        frames = min(frames, max(3, RECORDED // (len(memory) + 2 * slots)))
-    before, kept, whole = (_snapshot(*_in_one_array(fields), at, n) for _ in range(3))
-    early = Early(
-        rows=np.zeros((2 * rows, n)),
-        gap=np.zeros(slots),
-        number=np.zeros(slots, np.int64),
-        features=np.full(slots, ABSENT, np.int64),
-        limited=np.zeros((limited, n)),
-        measures=np.zeros((len(records.measures), n)),
-        trial=np.zeros((2, n)),
-        load=np.zeros(n),
-        pull=np.zeros(n),
-        passive=np.zeros(n),
-        v=np.zeros(n),
-        yielded=np.zeros(2 * rows),
-    )
-    recorded = Frames(
-        memory=np.zeros((frames, len(memory))),
-        impulse=np.zeros((frames, slots, d)),
-        reaction=np.zeros((frames, n)),
-        joint=np.zeros((frames, len(records.measures))),
-        joint_force=np.zeros((frames, len(records.measures))),
-        scalars=np.zeros((frames, len(SCALARS))),
-    )
-    return Workspace(
-        state=state,
-        terms=allocate_terms(n, rows, limited, d, crowded, surfaces),
-        seams=allocate_seams(records),
-        course=allocate_course(records),
-        problem=problem,
-        scratch=scratch,
-        before=before,
-        kept=kept,
-        whole=whole,
-        early=early,
-        frames=recorded,
-    )
