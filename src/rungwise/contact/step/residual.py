@@ -7,7 +7,8 @@ rows but no less than the problem's quantum, forces against L. Signorini is the 
 lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
 lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U, so
 that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
-causes, it is `REST` of that change, so that things may rest.
+causes, it is `REST` of that change, so that things may rest. Joints hold exactly: their rates are measured
+against U as it was.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
     worst = _balance(p, sizes, unknowns, largest)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
         worst = worse(worst, _contact(p, k, n, unknowns, per_velocity, per_force))  # (2), (3)
@@ -62,7 +64,8 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
             s += p.S[r, i] * v[i]
         # (4) joints, (5) drives
         x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
-        worst = worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
+        opens = s * (per_velocity if math.isfinite(bound) else per_rate)
+        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s)
     return worst
 
 

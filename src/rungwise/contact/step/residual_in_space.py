@@ -48,6 +48,7 @@ def residual_where(problem: ContactProblem, sizes: Sizes, touched: Touched, unkn
     worst = _balance(p, sizes, touched, unknowns, largest, found)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
         at = k * d
@@ -57,7 +58,8 @@ def residual_where(problem: ContactProblem, sizes: Sizes, touched: Touched, unkn
     for r in range(limited):
         # (4) joints, (5) drives
         x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
-        worst = worse(worst, abs(x - min(max(x - s[r] * per_velocity, -bound), bound)) + 0.0 * s[r])
+        opens = s[r] * (per_velocity if math.isfinite(bound) else per_rate)
+        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s[r])
     return worst
 
 

@@ -22,9 +22,9 @@ from rungwise.models.limit import (
     greatest_load,
     is_moving,
     limit_inertia,
-    noticed_load,
     resting_inertia,
 )
+from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
 from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.impacts import compress, end_impact, expand
@@ -45,9 +45,6 @@ test_squeezed.py hold them."""
 _MORE, _MORE_IN_SPACE = 1e2, 10.0
 """Factor on the inertia if `HEAVY`, and in each turn in space, where no pivoting solves what rounding hides
 from Newton's method. Chosen by trial, to a decade."""
-_ROUNDING = 1e-6
-"""Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
-the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
 SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
 
@@ -302,70 +299,3 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
     for i in range(n):
         loaded |= problem.c[i] != 0.0
     return not loaded
-
-
-@kernel
-def is_balanced(trial: Trial, unbalanced: float) -> bool:
-    """Whether the inertia that the limit eps -> 0+ leaves in the balance of each coordinate is negligible
-    beside the load and the resistance there, of springs, dampers, and drives and friction with a limit."""
-    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
-    clock = state.clock[0]
-    force, acceleration = greatest_load(terms, clock.free, state.free)
-    balanced = True
-    for i in range(clock.free):
-        a = state.free[i]
-        load = noticed_load(terms, a, force, acceleration, _ROUNDING)
-        left, resisted = 0.0, 0.0
-        for b in state.free[: clock.free]:
-            left += clock.eps / h * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
-            resisted += abs((h * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
-        for r in range(clock.limited):
-            if math.isfinite(terms.limit[r]):
-                resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
-                resisted += terms.limited[r, a] ** 2 * _gain(trial, r) * abs(scratch.v_new[a])
-        if force > 0.0 and abs(left) > unbalanced * (load + resisted):
-            load += _passed_on(trial, unbalanced, a)
-            balanced &= abs(left) <= unbalanced * (load + resisted)
-    return balanced
-
-
-@rare_kernel
-def _passed_on(trial: Trial, unbalanced: float, a: int) -> float:
-    """What the loads of other coordinates, and their own dampers, springs and drives, would ask of coordinate
-    a by inertia alone, and what the least motion that counts asks of its own: beside this, inertia that is
-    left of motion against the others is negligible where its own spring, damper or servo holds it."""
-    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
-    clock = state.clock[0]
-    held = _held(trial, a)
-    if clock.eps / h * terms.inertia[a, a] > unbalanced * held:
-        return 0.0
-    asked: float = held * STIR * terms.rounding[0] / (h * math.sqrt(terms.heft[a, METRIC]))
-    for b in state.free[: clock.free]:
-        if b != a:
-            own = h * terms.stiffness[b, b] + terms.damping[b, b]
-            force = abs(terms.load[b]) + abs(own * scratch.v_new[b])
-            for r in range(clock.limited):
-                if math.isfinite(terms.limit[r]):
-                    force += abs(terms.limited[r, b] * scratch.limited_force[r])
-            asked += abs(terms.inertia[a, b]) / terms.inertia[b, b] * force
-    return asked
-
-
-@rare_kernel
-def _held(trial: Trial, a: int) -> float:
-    """Force per speed of coordinate a, by its own springs, dampers, and servos that are within their
-    limits."""
-    h, terms, state = trial.h, trial.terms, trial.state
-    held: float = h * terms.stiffness[a, a] + terms.damping[a, a]
-    for r in range(state.clock[0].limited):
-        held += terms.limited[r, a] ** 2 * _gain(trial, r)
-    return held
-
-
-@kernel
-def _gain(trial: Trial, r: int) -> float:
-    """Force per rate of limited row r, where it is a servo within its limit; else 0."""
-    terms = trial.terms
-    gain: float = trial.h * terms.gains[r, 0] + terms.gains[r, 1]
-    within = math.isfinite(gain) and abs(trial.scratch.limited_force[r]) < terms.limit[r]
-    return gain if within else 0.0

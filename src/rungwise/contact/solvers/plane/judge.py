@@ -51,6 +51,7 @@ def residual_of(part: Part, unknowns: Unknowns) -> float:
     room = np.zeros((3, n))
     worst = _balance(part, unknowns, largest, room[0], room[1], room[2])
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
         worst = worse(worst, _contact(part, k, unknowns, per_velocity, per_force))
@@ -59,7 +60,8 @@ def residual_of(part: Part, unknowns: Unknowns) -> float:
         for e in range(part.first[contacts + r], part.first[contacts + r + 1]):
             s += part.normal[e] * v[part.column[e]]
         x, bound = tau[r] * per_force, part.F[r] * per_force if per_force > 0.0 else math.inf
-        worst = worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
+        opens = s * (per_velocity if math.isfinite(bound) else per_rate)
+        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s)
     return worst
 
 

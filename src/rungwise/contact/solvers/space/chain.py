@@ -5,9 +5,9 @@ on, by the forces of the last step is left alone; the others are solved by sweep
 Newton's method in velocities (`spatial_newton`), and where that does not end by the proximal point method
 (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
 beside rates as bodies alone would answer, and as the problem's loads are beside the rates that it demands:
-where next to nothing resists a motion, other contacts and drives answer. Accepts: H positive
-definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
-the problem as it was given.
+where next to nothing resists a motion, other contacts and drives answer. The last try takes the answer of the
+body that yields least. Accepts: H positive definite, three or four directions. Promises: SOLVED only with a
+residual within `TOLERANCE`, computed from the problem as it was given.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL,
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual_in_space import residual_where
 from rungwise.contact.step.touched import Touched, touch
-from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
 """Residual asked of an island, and residual that is enough where it takes many steps to come closer or where
@@ -241,8 +241,28 @@ def _solve_island(island: Island, lone: bool, demand: float, going: Reals, room:
     for turn in range(1 if demand > 0.0 else 0, -1, -1):
         _look_ahead(island, demand if turn == 1 else 0.0)
         if _by_path(island, room):
-            break
+            return PIVOTING
+    _look_ahead(island, _least_yield(island))
+    if not _by_newton(island, room):
+        put(island, best, point)
     return PIVOTING
+
+
+@rare_kernel
+def _least_yield(island: Island) -> float:
+    """The least yield of a row by one of its coordinates alone: what is heavy, or damped, answers to forces
+    that pass through what is light."""
+    bodies, groups, (_, _, first, last), _, _ = island
+    least = math.inf
+    for g in range(first, last):
+        at, begin, end = groups.entry[g], groups.column[g], groups.column[g + 1]
+        for _ in range(groups.row[g], groups.row[g + 1]):
+            for c in range(begin, end):
+                i = groups.touched[c]
+                if groups.W[at] != 0.0:
+                    least = min(least, groups.W[at] ** 2 / bodies.H[bodies.at[i] + i])
+                at += 1
+    return least
 
 
 @inner_kernel

@@ -67,6 +67,7 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
             for j in range(begin, groups.column[g + 1]):
                 speed = max(speed, abs(groups.W[at] * v[groups.touched[j]]))
                 at += 1
+    per_rate = 1.0 / speed if speed > 0.0 else 0.0
     if speed < ROUNDING * rest * largest:
         speed = REST * rest * largest
     if floor < math.inf:
@@ -85,7 +86,8 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
                 place = groups.touched[j] - low
                 scale[place] = max(scale[place], abs(groups.W[at]) * largest)
                 at += 1
-        worst = max(worst, _miss(groups, g, row, end, x, u, per_speed, per_force))
+        joint = groups.mu[g] < 0.0 and math.isinf(groups.limit[g])
+        worst = max(worst, _miss(groups, g, row, end, x, u, per_rate if joint else per_speed, per_force))
     for i in range(low, high):
         if not abs(point.G[i]) <= worst * scale[i - low]:
             worst = abs(point.G[i]) / scale[i - low]

@@ -12,7 +12,8 @@ from rungwise.contact.step import OPEN, SOLVED
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
-from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
+from rungwise.simulation.core.balance import is_balanced
+from rungwise.simulation.core.step import SUPPORTED, solve_assembled
 from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.planar.state.nearby import gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
