@@ -15,6 +15,7 @@ from rungwise.planning.modes.fingers import Finger, fingers_of
 from rungwise.planning.modes.follow import follow
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.legs import HOLD, Layout, Writer
+from rungwise.planning.modes.pushed import loose
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
@@ -97,14 +98,15 @@ class Scene:
         assert placed is not None
         self.placed = Question(task.search, placed, task.parameters)
         self._add_pushed(around)
-        self._all = list(self.grounds.values())
+        self.aside = self._pushing_aside(around)
+        self._all = [*self.grounds.values(), *self.aside.values()]
         self._wide = max(len(ground.places) for ground in self._all)
 
     def _add_pushed(self, around: Surroundings) -> None:
         """Objects of which the goal speaks, as pushed by others that fingers may touch."""
         task, names = self.work.task, list(self.work.task.scene.template.bodies)
         roles, contacts = world_of(task.scene).roles(task.parameters), task.scene.template.contacts
-        asked = {name for texts in self.placed.parts for text in texts for name in names_in(text)}
+        asked = self._asked()
         free = {name for name in names if (around.owners == names.index(name)).sum() == 3}
         for first in list(self.grounds):
             for last, role in roles.items():
@@ -112,6 +114,17 @@ class Scene:
                 if role == OBJECT and touches and last in asked and {first, last} <= free:
                     own = Ground.of(task, around, self.fingers, names.index(first), names.index(last))
                     self.grounds[f"{first} pushes {last}"] = own
+
+    def _asked(self) -> set[str]:
+        """Names in the goal."""
+        return {name for texts in self.placed.parts for text in texts for name in names_in(text)}
+
+    def _pushing_aside(self, around: Surroundings) -> dict[int, Ground]:
+        """By their numbers, objects of which the goal speaks, as pushing others aside that lie loose."""
+        task, asked = self.work.task, self._asked()
+        aside = loose(task, around, asked)
+        wanted = [own.body for name, own in self.grounds.items() if name in asked] if aside else []
+        return {body: Ground.of(task, around, self.fingers, body, aside=aside) for body in wanted}
 
     def name(self, ground: Ground) -> str:
         """The name of the object that is to come to the goal."""
@@ -175,7 +188,7 @@ class Scene:
                     return None
                 begun = place
         start = ground.look(begun)
-        if not ground.is_held(start, used) or not ground.is_free(start, used):
+        if not ground.is_held(start, used) or not ground.begins_free(start, used):
             return None
         want = ground.off(begun, target)
         best, left = None, NEARER * float(np.linalg.norm(want))

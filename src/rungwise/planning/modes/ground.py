@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -67,7 +69,8 @@ class Ground:
     is that one, else the same; the columns of both follow each other, and `aims` (k,) are those of the
     last. pairs: the scene's contacts of
     the object with what is no finger, and surrounds (c,), which these are; beside (c,): those of them with
-    other objects; own (f,): with each finger; avoided (a,): of fingers with all else."""
+    other objects; own (f,): with each finger; avoided (a,): of fingers with all else; beyond (b,): those of
+    fingers with objects that are pushed aside, which the other lists leave out."""
 
     task: Task
     around: Surroundings
@@ -83,27 +86,32 @@ class Ground:
     beside: Flags
     own: Ints
     avoided: Ints
+    beyond: Ints
     closed: float
     apart: float
     _memories: list[Memory] = field(default_factory=list)
 
     @classmethod
     def of(
-        cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int, last: int | None = None
+        cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int,
+        last: int | None = None, aside: Collection[int] = (),
     ) -> Ground:  # fmt: skip
-        """The object with this number, which is to push the last one, if one is given."""
+        """The object with this number, which is to push the last one, if one is given, and to push other
+        objects aside."""
         names, contacts = list(task.scene.template.bodies), task.scene.template.contacts
         both = (body,) if last is None else (body, last)
         columns = np.concatenate([np.flatnonzero(around.owners == each) for each in both])
         last = body if last is None else last
         touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
-        pairs, avoided, own = list[int](), list[int](), [-1] * len(fingers)
+        pairs, avoided, beyond, own = list[int](), list[int](), list[int](), [-1] * len(fingers)
         links = {int(k) for f in fingers if f.arm is not None for k in around.owners[f.arm.columns]}
         for k, pair in enumerate(contacts):
             a, b = (names.index(name) for name in pair)
             of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
             if body in (a, b) and len(of_finger) == 1 and of_finger[0] in touching:
                 own[touching[of_finger[0]]] = k
+            elif {a, b} & set(aside):
+                beyond += [k] * bool(of_finger or links & {a, b})
             elif of_finger or links & {a, b}:
                 avoided.append(k)
             elif {a, b} & set(both):
@@ -125,7 +133,8 @@ class Ground:
         return cls(
             task, around, fingers, body, last, columns, places, around.owners[columns] == last, units,
             np.array(pairs, np.int64), surrounds,
-            beside, np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
+            beside, np.array(own, np.int64), np.array(avoided, np.int64), np.array(beyond, np.int64),
+            CLOSED * task.size, APART * least,
         )  # fmt: skip
 
     def look(self, q: Reals) -> Seen:
@@ -202,6 +211,11 @@ class Ground:
         return bool(free) and all(
             finger.reaches(seen.q, self.around) for finger in self.fingers if finger.arm is not None
         )
+
+    def begins_free(self, seen: Seen, used: Ints) -> bool:
+        """See `is_free`, of fingers that objects which are pushed aside may not overlap, either."""
+        least = seen.touches.least[self.beyond].min(initial=math.inf)
+        return bool(least > -self.closed) and self.is_free(seen, used)
 
     def is_held(self, seen: Seen, used: Ints) -> bool:
         """Whether the fingers that are used (f,) touch the object, those that do so at one place away from

@@ -41,6 +41,8 @@ SPARING = 4.0
 OTHERS, THROUGH = 0.1, 0.1
 """How often another object than one of the goal is moved; and how often one that fingers may touch is pushed
 by another."""
+ASIDE = 0.8
+"""How often an object pushes others aside that lie loose, where it may, in place of all else."""
 STEP = 3
 """Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
 searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
@@ -121,12 +123,12 @@ class ModePlanner:
         self.nodes = [self.scene.root(levels)]
         self.turn = 0
         self._places = _goals(work)
-        self._courses: dict[tuple[int, bytes], list[Reals]] = self.work.kept.setdefault(WAYS, {})
+        self._courses: dict[tuple[int, int, bytes], list[Reals]] = self.work.kept.setdefault(WAYS, {})
 
     @property
     def is_barred(self) -> bool:
         """Whether something is in the straight way of an object of which the goal speaks."""
-        return any(len(self._course(ground)) for ground in self._wanted())
+        return any(len(self._course(self._freest(ground))) for ground in self._wanted())
 
     def search(self, attempts: int) -> Found | None:
         """A plan, after at most so many proposals."""
@@ -235,7 +237,8 @@ class ModePlanner:
     def _lacks(self) -> Reals:
         """What is lacking at the nodes (m,); where one object has a course, the part of it that is left, and
         more where the moves that are left are fewer."""
-        barred = [ground for ground in self._wanted() if len(self._course(ground))]
+        wanted = [self._freest(ground) for ground in self._wanted()]
+        barred = [ground for ground in wanted if len(self._course(ground))]
         if len(barred) != 1:
             return np.array([node.lack for node in self.nodes])
         course = self._course(barred[0])
@@ -251,6 +254,9 @@ class ModePlanner:
         times another."""
         grounds = [ground for ground in self.scene.grounds.values() if not ground.pushes]
         wanted = [ground for ground in self._wanted() if not self._reached(ground)(q)]
+        pushing = [self.scene.aside[ground.body] for ground in wanted if ground.body in self.scene.aside]
+        if pushing and self.work.rng.random() < ASIDE:
+            return pushing[int(self.work.rng.integers(len(pushing)))]
         touched = {ground.body for ground in grounds}
         direct = [ground for ground in wanted if not ground.pushes or ground.last not in touched]
         if direct and len(direct) < len(wanted) and self.work.rng.random() > THROUGH:
@@ -258,6 +264,10 @@ class ModePlanner:
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
             grounds = wanted
         return grounds[int(self.work.rng.integers(len(grounds)))]
+
+    def _freest(self, ground: Ground) -> Ground:
+        """The object as pushing aside others that lie loose, where it may; else as it is."""
+        return ground if ground.pushes else self.scene.aside.get(ground.body, ground)
 
     def _wanted(self) -> list[Ground]:
         """The objects of which the goal speaks."""
@@ -283,7 +293,7 @@ class ModePlanner:
             return np.zeros((0, len(self.work.start.q[0])))
         if len(self._asked.path):
             return self._asked.path
-        key = ground.body, self.work.start.q[0].tobytes()
+        key = ground.body, len(ground.beyond), self.work.start.q[0].tobytes()
         if key not in self._courses:
             self._courses[key] = self._shortest(ground)
         courses = self._courses[key]

@@ -1,13 +1,19 @@
-"""Objects that push others: where the one that fingers lead is to go, that the other comes to its target."""
+"""Objects that push others: where the one that fingers lead is to go, that the other comes to its target; and
+which others it may push aside."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.ground import AROUND, Ground, Seen
+from rungwise.planning.task.task import Task
+from rungwise.world.carriers import Surroundings
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
 
 ROAM = 0.15
 """How often the object that pushes is led anywhere, while the other stays."""
@@ -19,6 +25,20 @@ TRIED, SAME = 8, 1e-9
 """Places behind it of which the nearest is taken; and turns, in radians, that differ by rounding."""
 INTO = 2.0
 """How far it is led into the other, in gaps that count as closed, so that they touch."""
+
+
+def loose(task: Task, around: Surroundings, asked: Collection[str]) -> frozenset[int]:
+    """The numbers of objects that may be pushed aside: supports carry them, nothing joins them to others, and
+    the goal, in which these names are, does not speak of them."""
+    world = world_of(task.scene)
+    roles, names = world.roles(task.parameters), list(task.scene.template.bodies)
+    rows = around.touches(world.at(task.parameters).q, 0.0).supports.rows
+    carried = np.abs(rows).max(axis=0, initial=0.0) > 0.0
+    return frozenset(
+        k
+        for k, name in enumerate(names)
+        if roles[name] == OBJECT and name not in asked and carried[around.owners == k].sum() == 3
+    )
 
 
 def led_target(ground: Ground, seen: Seen, target: Reals, rng: np.random.Generator) -> Reals:

@@ -319,7 +319,7 @@ def _placed(
             return None
     assert q is not None
     begun = ground.look(q)
-    return begun if ground.is_free(begun, own) and ground.is_held(begun, own) else None
+    return begun if ground.begins_free(begun, own) and ground.is_held(begun, own) else None
 
 
 def _idle(
