@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.viewing.drawers import DRAWERS, PLANE, SPACE, drawer_of
-from rungwise.viewing.inline import PictureError, to_html
+from rungwise.viewing.inline import to_html
 
 
 class Elsewhere:
@@ -44,10 +45,19 @@ def test_a_world_without_pictures_is_refused_in_one_line(planar: rw.Run, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
-def test_worlds_are_not_mixed_and_space_is_html_only(planar: rw.Run, spatial: Any, tmp_path: Path) -> None:
+def test_worlds_are_not_mixed(planar: rw.Run, spatial: Any, tmp_path: Path) -> None:
     for runs in ([planar, spatial], [spatial, planar]):
         with pytest.raises(rw.ViewError, match="go to pages of their own"):
             rw.view(runs, html=tmp_path / "x.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_world_does_not_have_is_refused(
+    spatial: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(
+        DRAWERS, spatial.scene.world, replace(DRAWERS[spatial.scene.world], png=None, gif=None)
+    )
     for kind in ("png", "gif"):
         with pytest.raises(rw.ViewError, match="runs in space go to html only"):
             rw.view(spatial, html=tmp_path / "x.html", **{kind: tmp_path / "x"})
@@ -66,6 +76,4 @@ def test_plans_show_the_page_of_their_world(planar: rw.Run, spatial: Any) -> Non
         plan = rw.plan("two_finger", seed=0)
         object.__setattr__(plan, "replay", lambda run=run, **_: run)
         assert f"main class=&quot;{kind}&quot;" in to_html(plan)
-        if kind == "space":
-            with pytest.raises(PictureError, match="drawn by rungwise"):
-                rw.plot(plan)
+        assert len(rw.plot(plan, frames=2).axes) == 2

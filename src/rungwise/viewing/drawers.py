@@ -16,6 +16,7 @@ from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.parting import draw_parting
 from rungwise.viewing.space import html as spatial
+from rungwise.viewing.space import strip as stills
 from rungwise.viewing.space.live import Live, open_live
 from rungwise.viewing.space.runs import film_of
 from rungwise.viewing.write import ViewError
@@ -47,8 +48,10 @@ PLANE = Drawer(
     parting=draw_parting,
 )  # fmt: skip
 SPACE = Drawer(
-    "runs in space", film_of, spatial.same_bodies, lambda each: str(each.title), spatial.page, live=open_live
-)
+    "runs in space", film_of, spatial.same_bodies, lambda each: str(each.title), spatial.page,
+    strip=stills.strip, png=stills.save_png, gif=lambda films, file: stills.save_gif(films, file),
+    live=open_live,
+)  # fmt: skip
 DRAWERS = {"rungwise.world.planar": PLANE, "rungwise.world.spatial": SPACE}
 """By the module of the world, which a scene names."""
 

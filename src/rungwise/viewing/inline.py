@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 INLINE, HEIGHT = 1_500_000, 560
 """Most bytes of an animation in a notebook, and its height in pixels."""
-Shown = Run | Plan | Design | FeasibleSet | DoomedSet
+Shown = AnyRun | Plan | Design | FeasibleSet | DoomedSet
 
 
 class PictureError(InputError):

@@ -16,8 +16,6 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.outcome import Outcome
-
 PAGE = files("rungwise.viewing") / "page"
 LARGEST = 4_500_000
 """Bytes of a file: frames are left out, evenly, until the file is no larger."""
@@ -140,8 +138,7 @@ def along_time(
     and contacts of all frames in order, with places and forces (k, 2 or 3)."""
     return {
         "outcome": run.outcome,
-        # Without the advice, which would differ from run to run by the name of the next rung alone.
-        "reason": Outcome.GOAL.meaning if run.outcome == Outcome.GOAL else run.reason,
+        "reason": run.reason,
         "time": bytes_of(run.time, "<f4"),
         "pose": quantised(pose),
         "gap": bytes_of(gap, "<f4"),

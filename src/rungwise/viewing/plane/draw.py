@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from rungwise.viewing.plane.arrows import View, arrows_at, draw_touches, view_of
 from rungwise.viewing.plane.clip import Clip, Outline
+from rungwise.viewing.sheet import MODELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MODELS = ("#0072b2", "#d55e00", "#007f5f", "#b0508c", "#8a6d00", "#333333")
-"""Colours that people see apart whatever their colour vision (Okabe and Ito, some darkened)."""
 ROLES = {"object": "#d5e3f2", "robot": "#e7e2d3", "obstacle": "#dcdfe3"}
 INK = "#1b1f24"
 GOAL, GOAL_LINE = "#00805c", (0, (4, 2))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.kernel import Reals
+from rungwise.outcome import Outcome
 from rungwise.scene.space import load_space
 from rungwise.scene.space.model import library
 from rungwise.simulation.trajectory import read_saved
@@ -42,10 +43,13 @@ def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes:
     _, solids = film_of_model(model)
     places, turns = _poses(model, data.position.values)
     touches, pairs, gaps, pushes = _touches(scene.labels.bodies, model.geom_bodyid, data)
+    outcome, reason = data.attrs["outcome"], data.attrs["reason"]
+    if outcome == Outcome.GOAL:  # the advice would differ from film to film, by the name of the next rung
+        reason = Outcome.GOAL.meaning
     return Film(
         title=scene.name, model=data.attrs["model"], bodies=scene.labels.bodies, solids=tuple(solids),
         time=data.time.values, places=places, turns=turns, pairs=pairs, touches=touches, gaps=gaps,
-        pushes=pushes, outcome=data.attrs["outcome"], reason=data.attrs["reason"], notes=notes, units=UNITS,
+        pushes=pushes, outcome=outcome, reason=reason, notes=notes, units=UNITS,
     )  # fmt: skip
 
 
