@@ -51,7 +51,7 @@ def free() -> dict[float, set[tuple[str, str]]]:
     spec.loader.exec_module(constants)
     found: dict[float, set[tuple[str, str]]] = {}
     for entry in constants.entries():
-        if entry.free:
+        if entry.free and entry.kind != "search":  # those are for `search_numbers.py`
             found.setdefault(entry.free, set()).update((entry.file, name) for name in entry.names)
     return found
 

@@ -80,9 +80,9 @@ from .world.batch import Batch, Results
 from .world.carriers import TaskError
 from .world.export.mjcf import mjcf
 from .world.export.trajectory import JointTrajectory
+from .world.margins import Answers, Geometry, ask, geometry
 from .world.parts import ExportError
 from .world.planar.rollouts import Rollouts
-from .world.questions import Answers, Geometry, ask, geometry
 from .world.rollout import rollout
 from .world.run import load_run, simulate
 from .world.spatial.rollouts import SpaceRollouts

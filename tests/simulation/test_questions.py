@@ -9,7 +9,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.simulation.run import Simulation
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 from .conftest import MOVING
 from .random_scenes import random_scene

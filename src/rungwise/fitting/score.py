@@ -116,12 +116,12 @@ def by_trial(spans: Spans, values: Reals) -> Reals:
     return np.array([values[each].mean() if each.any() else np.nan for each in rows])
 
 
-def mean_of(values: Reals, seed: int = 0) -> Mean:
+def mean_of(values: Reals) -> Mean:
     """The mean of values (t,) of trials, with its interval."""
     known = values[np.isfinite(values)]
     if not len(known):
         return Mean(np.nan, np.nan, np.nan)
-    rows = np.random.default_rng(seed).integers(0, len(known), (DRAWS, len(known)))
+    rows = np.random.default_rng(0).integers(0, len(known), (DRAWS, len(known)))
     share = 0.5 - CONFIDENCE / 2.0
     low, high = np.quantile(known[rows].mean(axis=1), [share, 1.0 - share])
     return Mean(float(known.mean()), float(low), float(high))

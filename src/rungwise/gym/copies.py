@@ -17,7 +17,7 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
 from rungwise.world.contract import Places, Ran, Runs
 from rungwise.world.find import world_of
-from rungwise.world.questions import Answers, Question, ask
+from rungwise.world.margins import Answers, Question, ask
 
 
 @dataclass

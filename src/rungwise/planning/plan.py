@@ -36,7 +36,7 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State, digest
 from rungwise.stored import whole
 from rungwise.world.find import world_of
-from rungwise.world.questions import geometry
+from rungwise.world.margins import geometry
 from rungwise.world.run import simulate
 
 if TYPE_CHECKING:

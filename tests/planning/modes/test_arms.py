@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.planning.modes.arm_paths import arms_way
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.fingers import fingers_of
-from rungwise.planning.modes.reach import arms_way
 from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

@@ -11,7 +11,7 @@ import yaml
 import rungwise as rw
 from rungwise.deadline import Deadline
 from rungwise.planning.execution.feedback import Replanner
-from rungwise.planning.execution.legs import run_pieces
+from rungwise.planning.execution.remaining_legs import run_pieces
 from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

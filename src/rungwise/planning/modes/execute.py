@@ -27,7 +27,7 @@ from rungwise.simulation.inputs import Segment
 from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 AGAIN = 8
 """Modes that are tried to make a leg again from another place."""

@@ -11,7 +11,7 @@ from rungwise.planning.search.problem import Work
 from rungwise.planning.task.reserve import tightened
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 INNER = (0.7, 0.4)
 """Reserves of the goal with which places well within it are sought, the first with which there are some."""

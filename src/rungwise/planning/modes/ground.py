@@ -25,7 +25,7 @@ from rungwise.planning.modes.frames import (
     wedge,
     weights_of,
 )
-from rungwise.planning.modes.joints.reached import Reach, reached
+from rungwise.planning.modes.joints.inverse_kinematics import Reach, reached
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches, frame_of
 from rungwise.world.contract import OBJECT

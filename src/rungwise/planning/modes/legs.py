@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.arm_paths import arms_way
 from rungwise.planning.modes.balance import rests
 from rungwise.planning.modes.ground import Ground, Seen
-from rungwise.planning.modes.reach import arms_way
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import FOLLOW, TOUCH
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 LEAVE, TRANSIT, HOLD, LIFT, LOWER = "leave", "transit", "hold", "lift", "lower"
 """Labels of segments, beside those in `search.layout`."""

@@ -21,7 +21,7 @@ from rungwise.planning.motion.transit import NEAR, Transit
 from rungwise.planning.task.task import Task
 from rungwise.world.contract import Configurations, Tool
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 TRIES = 4
 """Places of the joints from which they are sought: where they are, and others."""

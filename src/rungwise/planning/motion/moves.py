@@ -25,8 +25,8 @@ from rungwise.scene.language.lasting import names_in
 from rungwise.scene.template.records import Records
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.find import world_of
+from rungwise.world.margins import Question
 from rungwise.world.planar.boundary import Boundary, boundary
-from rungwise.world.questions import Question
 
 
 class Segments(NamedTuple):

@@ -20,7 +20,7 @@ from rungwise.planning.task.task import Task
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.language.lasting import FOR, REST, lasting_of, parsed, written
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 STARTS, ITERATIONS = 48, 40
 """Places from which the goal is sought, and steps from each."""

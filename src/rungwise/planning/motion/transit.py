@@ -18,7 +18,7 @@ from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Carrier, Surroundings
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 NEAR = 0.25
 """Part of the clearance that robots keep on their way."""

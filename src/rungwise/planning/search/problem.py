@@ -25,7 +25,7 @@ from rungwise.simulation.state import State
 from rungwise.world.carriers import TaskError
 from rungwise.world.contract import OBJECT, SOLIDS
 from rungwise.world.find import world_of
-from rungwise.world.questions import Question
+from rungwise.world.margins import Question
 
 TREES, LEGS = "trees", "legs"
 """What is counted of trees of contact modes."""

@@ -26,7 +26,7 @@ from rungwise.simulation.state import State
 from rungwise.world.carriers import Carrier, TaskError, pair, pushes_of
 from rungwise.world.contract import OUTLINES, ROBOT, Instance
 from rungwise.world.find import world_of
-from rungwise.world.questions import ask, geometry
+from rungwise.world.margins import ask, geometry
 
 ROUNDING = 1e-9
 """Part of the ends of a range by which values may lie outside it."""

@@ -1,4 +1,4 @@
-"""Which contact keeps steps short, or ends a run, and why, in words (see `planar.blame`)."""
+"""Which contact keeps steps short, or ends a run, and why, in words (see `simulation.planar.step.blame`)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ LEADING_ON = {
 
 @dataclass(frozen=True)
 class Hindrance:
-    """What `planar.blame` says of a run on a rung."""
+    """What `simulation.planar.step.blame` says of a run on a rung."""
 
     scene: Scene
     model: Rung

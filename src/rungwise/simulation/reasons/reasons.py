@@ -291,7 +291,7 @@ class Reasons:
 
     def _unsupported(self) -> tuple[ContactProblem, np.ndarray[Any, np.dtype[np.bool_]]]:
         """The problem of the last step, which nothing supports, with the contacts alone that have to balance
-        the loads (see `planar.far_contacts`), and which those are (k,)."""
+        the loads (see `simulation.planar.step.far_contacts`), and which those are (k,)."""
         state, terms = self.workspace.state, self.workspace.terms
         n, contacts, limited = (int(state.clock[0][name]) for name in ("free", "contacts", "limited"))
         problem = trim(self.workspace.problem, n, contacts, limited)

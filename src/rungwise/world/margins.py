@@ -1,4 +1,4 @@
-"""What holds at given states: conditions with signed margins, gaps, collisions, poses."""
+"""Margins of conditions at given states, and gaps, collisions and poses there."""
 
 from __future__ import annotations
 
