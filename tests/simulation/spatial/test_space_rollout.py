@@ -1,10 +1,14 @@
 """Rollouts in space: known ways, runs that go on bit for bit, processes, wrong input."""
 
+import time
+
 import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.deadline import NEVER
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.moving.processes import spread
 
 from .conftest import Make
 
@@ -120,3 +124,16 @@ def test_a_state_hands_on_its_impulses_once(scene: SpaceScene) -> None:
     for run in (half, whole, rest):
         (impulse,) = rw.ask(guarded, "impulse(box, world) > 0", run.state).values[0]
         assert impulse == pytest.approx(0.5 * 9.81 * run.time)
+
+
+@pytest.mark.long
+def test_processes_that_grow_by_what_they_compile_are_no_leak() -> None:
+    """Loky would warn of them, and where warnings are errors, as here, be broken."""
+
+    def grown(_job: None, part: int, _look: object = None) -> int:
+        if part in (4, 5):
+            np.grown = np.ones(50_000_000)  # type: ignore[attr-defined]
+        time.sleep(0.5)
+        return part
+
+    assert list(spread(grown, None, range(16), 16, 2, lambda: None, NEVER)) == list(range(16))

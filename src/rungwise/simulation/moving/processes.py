@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
@@ -24,8 +25,15 @@ from rungwise.simulation.turns import TURN_S
 
 FEW = 4
 """So many runs are not worth the start of other processes; they are made in this one."""
+IDLE_S = 300.0
+"""How long other processes wait for work before they end. By default that is so short that they leave between
+two stages of a plan; where work comes just then, loky warns of it."""
+GROWTH = 4e9
+"""Bytes by which another process may grow: what it compiles stays in its memory, and loky takes more than
+0.3 GB for a leak."""
 LATE_S = 0.5
 """How long other processes, which see themselves when the time is over, are waited for then."""
+_GROWTH = "LOKY_MAX_MEMORY_LEAK_SIZE"
 Make = Callable[..., MovingSimulation]
 """Makes a run of a scene on a rung, with these options; what other processes are told has a name."""
 Look = Callable[[], None]
@@ -48,7 +56,8 @@ def spread(
         from loky import get_reusable_executor
     except ImportError:
         raise InputError("threads: more than one process needs loky: pip install 'rungwise[space]'") from None
-    pool = get_reusable_executor(max_workers=processes)
+    growth = os.environ.get(_GROWTH, str(GROWTH))
+    pool = get_reusable_executor(max_workers=processes, timeout=IDLE_S, env={_GROWTH: growth})
     return _gathered([pool.submit(function, job, part) for part in parts], look, deadline)
 
 
