@@ -41,6 +41,7 @@ from .models.ladder import (
 from .outcome import OUTCOMES, Code, Outcome
 from .planning.design.design import Design, design
 from .planning.diagnosis.diagnose import Diagnosis, diagnose
+from .planning.execution.policy import Policy
 from .planning.execution.verify import Verification, verify
 from .planning.lift.lift import plan
 from .planning.lift.stages import StageError
@@ -134,6 +135,7 @@ __all__ = [
     "Plan",
     "PlanError",
     "PlannerMissing",
+    "Policy",
     "Problem",
     "Replay",
     "ReplayError",

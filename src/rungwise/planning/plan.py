@@ -46,7 +46,11 @@ if TYPE_CHECKING:
 
 FORMAT = "rungwise plan 1"
 OPEN_LOOP, GUARDED, RE_PLANNING = "open loop", "guarded moves", "re-planning"
-"""How a plan is executed: as it is; with moves that end at a contact; planned anew after each move."""
+FEEDBACK = "feedback"
+"""How a plan is executed: as it is; with moves that end at a contact; planned anew after each move; or with
+its policy, from measured places."""
+HELD, NOTHING = "held", "nothing found"
+"""What comes of a stage on which a plan goes on to hold, and of one on which none is found."""
 
 
 SHOWN_S = 20.0
@@ -176,6 +180,22 @@ class Plan(ByContent):
             on_progress=on_progress,
         )  # fmt: skip
         return run
+
+    @keywords
+    def policy(
+        self,
+        *,
+        model: Rung | str | None = None,
+        budget: int | None = None,
+        limit: float | None = None,
+        average: int = 1,
+    ) -> rungwise.Policy:
+        """A controller that follows the plan from what is measured (see `Policy`), for
+        `rw.simulate(control=)` and for loops of `rw.Simulation`. Raises TaskError where there is no plan, or
+        one of places only."""
+        import rungwise
+
+        return rungwise.Policy(self, model=model, budget=budget, limit=limit, average=average)
 
     @keywords
     def joint_trajectory(

@@ -125,6 +125,14 @@ def positive(name: str, value: object) -> float:
     return number
 
 
+def not_negative(name: str, value: object) -> float:
+    """A finite number that is not below 0. Raises ModelError that names the option."""
+    number = _real(value)
+    if not 0.0 <= number < math.inf:
+        raise ModelError(f"{name}: must be a finite number that is not below 0, not {shown(value)}")
+    return number
+
+
 def _real(value: object) -> float:
     """A number as float, and NaN for anything else."""
     if isinstance(value, bool) or not isinstance(value, Real):

@@ -108,6 +108,10 @@ class Runs(Protocol):
     def taken_over(self, place: Places, scene: Any, levels: Reals) -> Places:
         """A place to which a run of `scene` came on this rung, as these go on, after inputs `levels` (u,)."""
 
+    def measured(self, q: Reals, v: Reals, levels: Reals) -> Places:
+        """A place q (n_q,) with velocities v (n_v,) that was measured, as these go on from it, after inputs
+        `levels` (u,): at rest in its contacts. Raises StateError where bodies overlap."""
+
     def numbers(self, places: Places) -> Reals:
         """The numbers (m, w) that conditions read, as runs left them (see `Question.read`)."""
 

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     import rungwise
 
 Control: TypeAlias = "Callable[[Observation], Wanted]"
-"""From what is seen of a run to the inputs that it holds next."""
+"""From what is seen of a run to the inputs that it holds next, or to which it ramps if the function has an
+attribute `ramp` that is true."""
 Ended = TypeVar("Ended", bound=AnyRun, covariant=True)
 
 
@@ -179,14 +180,15 @@ def led_by(
         )
     if simulation.inputs:
         raise ModelError("inputs: the run follows a schedule, and control sets its inputs; give inputs=[]")
-    return partial(_lead, control, 1.0 / positive("rate", rate), on_progress)
+    ramp = bool(getattr(control, "ramp", False))
+    return partial(lead, control, 1.0 / positive("rate", rate), ramp, on_progress)
 
 
-def _lead(
-    control: Control, period: float, on_progress: Callable[[Any], None] | None, simulation: Any
+def lead(
+    control: Control, period: float, ramp: bool, on_progress: Callable[[Any], None] | None, simulation: Any
 ) -> None:
-    """Ask a controller, and hold its inputs, period by period. Raises TimeOver."""
+    """Ask a controller, and hold its inputs, or ramp to them, period by period. Raises TimeOver."""
     while simulation.outcome == Code.RUNNING:
-        simulation.hold(period, control(simulation.observe()))
+        simulation.hold(period, control(simulation.observe()), ramp=ramp)
         if on_progress is not None:
             on_progress(simulation)

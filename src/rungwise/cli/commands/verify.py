@@ -21,8 +21,15 @@ def verify(
     samples: Annotated[int, typer.Option("--samples", min=1, help="Number of runs.")] = 200,
     mode: Annotated[
         str | None,
-        typer.Option("--mode", help='"open loop", "guarded moves", "re-planning"; default: the plan\'s own.'),
+        typer.Option(
+            "--mode",
+            help='"open loop", "guarded moves", "re-planning", "feedback"; default: the plan\'s own.',
+        ),
     ] = None,
+    noise: Annotated[
+        float,
+        arg.numeric("--noise", "With feedback, standard deviation of measured places, as a length."),
+    ] = 0.0,
     seed: arg.SeedOption = 0,
     tol: Annotated[
         float | None,
@@ -49,7 +56,7 @@ def verify(
 
     with stoppable("no sample is kept"), plain_errors(), progress.bar("verify", samples, as_json) as told:
         found = run(
-            arg.load_plan_file(plan), model, samples, mode=mode, limit=limit, seed=seed, tol=tol,
+            arg.load_plan_file(plan), model, samples, mode=mode, noise=noise, limit=limit, seed=seed, tol=tol,
             threads=threads, cluster=cluster, on_progress=told,
         )  # fmt: skip
     answer(found, as_json)

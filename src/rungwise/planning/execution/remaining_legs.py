@@ -118,20 +118,37 @@ class Legs:
     ) -> Schedule:  # fmt: skip
         """The same inputs over time, after inputs `levels` (u,), where fingers lead the object in pieces."""
         assert self._planner is not None
-        names, scene = work.task.scene.template.inputs, self._planner.scene
-        longest = PIECE * work.task.size / max(finger.carrier.speed for finger in scene.fingers)
-        rows, every = [levels, *inputs_of(segments)], np.repeat(np.arange(len(counts)), counts)
-        found, named, legs = list[Segment](), list[str](), list[int]()
-        for segment, label, leg, (a, b) in zip(segments, labels, every, pairwise(rows), strict=True):
-            count = max(1, math.ceil(segment.duration / longest)) if label in LED else 1
-            for k in range(count):
-                own = b - (count - k - 1) / count * (b - a) if segment.ramp else b
-                inputs = dict(zip(names, own.tolist(), strict=True))
-                found.append(replace(segment, inputs=inputs, duration=segment.duration / count))
-            named += [label] * count
-            legs += [int(leg)] * count
+        longest = PIECE * work.task.size / max(f.carrier.speed for f in self._planner.scene.fingers)
+        found, named, legs = in_pieces(
+            work.task.scene.template.inputs, levels, segments, labels, legs_of(counts), longest, LED
+        )
         path = [place.q[0] for place in run_pieces(self._nominal, start, found)[1]]
-        return Schedule(tuple(found), tuple(named), np.array(legs, np.int64), path)
+        return Schedule(tuple(found), tuple(named), legs, path)
+
+
+def in_pieces(
+    names: Sequence[str], levels: Reals, segments: Sequence[Segment], labels: Sequence[str],
+    of_legs: Ints, longest: float, cut: Sequence[str] | None = None,
+) -> tuple[list[Segment], list[str], Ints]:  # fmt: skip
+    """The same inputs over time, after inputs `levels` (u,), where segments with the labels to `cut`, or all,
+    take no longer than `longest`; their labels, and to which of the legs (s,) they belong."""
+    rows = [levels, *inputs_of(segments)]
+    found, named, legs = list[Segment](), list[str](), list[int]()
+    for segment, label, leg, (a, b) in zip(segments, labels, of_legs, pairwise(rows), strict=True):
+        is_cut = cut is None or label in cut
+        count = max(1, math.ceil(segment.duration / longest)) if is_cut else 1
+        for k in range(count):
+            own = b - (count - k - 1) / count * (b - a) if segment.ramp else b
+            inputs = dict(zip(names, own.tolist(), strict=True))
+            found.append(replace(segment, inputs=inputs, duration=segment.duration / count))
+        named += [label] * count
+        legs += [int(leg)] * count
+    return found, named, np.array(legs, np.int64)
+
+
+def legs_of(counts: Sequence[int]) -> Ints:
+    """To which leg each segment (s,) belongs, where legs have so many."""
+    return np.repeat(np.arange(len(counts)), counts)
 
 
 def run_pieces(

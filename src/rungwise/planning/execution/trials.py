@@ -1,10 +1,12 @@
-"""Executions of a plan in worlds that its task draws: as it is, with guarded moves, or planned anew."""
+"""Executions of a plan in worlds that its task draws: as it is, with guarded moves, planned anew, or with its
+policy."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,9 +16,10 @@ from rungwise.deadline import TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.planning.execution.fed_back import FedBack
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.motion.propagate import Budget, Stage
-from rungwise.planning.plan import RE_PLANNING, Plan, plan_of
+from rungwise.planning.plan import FEEDBACK, RE_PLANNING, Plan, plan_of
 from rungwise.planning.task.task import drawn, fields_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import moving_rung
@@ -35,10 +38,10 @@ class Trials:
 
     def __init__(
         self, plan: Plan, model: Rung, tol: float, mode: str, seed: int, threads: int | None = None,
-        time: Budget | None = None,
+        time: Budget | None = None, noise: float = 0.0,
     ) -> None:  # fmt: skip
         self.plan, self.model, self.tol, self.mode, self.seed = plan, model, tol, mode, seed
-        self._time = time
+        self._time, self.noise = time, noise
         self.names = list(fields_of(plan.scene).uncertain)
         self._threads = threads
         self._inputs = [name for name in plan.scene.template.inputs if name in self.names]
@@ -68,14 +71,14 @@ class Trials:
 
     def run(self, points: Reals, on_progress: Callable[[int], None] | None = None) -> tuple[Ints, Reals]:
         """Outcomes and margins (m,) of samples; executions that plan anew have no margin. Raises TimeOver."""
-        if self.mode == RE_PLANNING:
+        if self.mode in (RE_PLANNING, FEEDBACK):
             return self._re_planned(points, on_progress)
         return self._as_it_is(points, on_progress)
 
     def executed(self, point: Reals) -> list[Segment]:
         """The schedule that is executed in a sample."""
         parameters, errors = self.world(point)
-        if self.mode == RE_PLANNING:
+        if self.mode in (RE_PLANNING, FEEDBACK):
             return list(self._replanner.execute(parameters, errors, self.seed + int(point[0]))[1])
         levels = self._levels(point[None])[0][0]
         return [
@@ -83,9 +86,11 @@ class Trials:
             for segment, row in zip(self.plan.segments, levels, strict=True)
         ]
 
-    @property
-    def _replanner(self) -> Replanner:
+    @cached_property
+    def _replanner(self) -> Replanner | FedBack:
         assert self.plan.stage is not None
+        if self.mode == FEEDBACK:
+            return FedBack(self.plan, self.model, self.tol, self.noise, self._time)
         return Replanner(
             self.plan, Stage(self.model, self.plan.stage.tol), self.tol, self._threads, self._time
         )
@@ -108,9 +113,9 @@ class Trials:
         return found.outcome, found.margin
 
     def _re_planned(self, points: Reals, on_progress: Callable[[int], None] | None) -> tuple[Ints, Reals]:
-        replanner, outcomes = self._replanner, list[Code]()
+        outcomes = list[Code]()
         for point in points:
-            outcomes.append(replanner.execute(*self.world(point), self.seed + int(point[0]))[0])
+            outcomes.append(self._replanner.execute(*self.world(point), self.seed + int(point[0]))[0])
             if on_progress is not None:
                 on_progress(len(outcomes))
         return np.array(outcomes, np.int64), np.full(len(points), np.nan)
@@ -131,4 +136,7 @@ def trials_at(plan: str, request: str) -> Batch:
     asked = json.loads(request)
     rung = moving_rung(asked["model"])
     model = rung if rung.metric else rung.with_inertia(asked["inertia"])
-    return Trials(plan_of(plan), model, asked["tol"], asked["mode"], asked["seed"], threads=1).run
+    return Trials(
+        plan_of(plan), model, asked["tol"], asked["mode"], asked["seed"], threads=1,
+        noise=asked["noise"],
+    ).run  # fmt: skip

@@ -24,11 +24,11 @@ from rungwise.plain import cut
 from rungwise.planning.execution.guards import guarded
 from rungwise.planning.execution.trials import Trials, trials_at
 from rungwise.planning.motion.propagate import Budget
-from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
+from rungwise.planning.plan import FEEDBACK, GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.any_run import AnyRun
-from rungwise.simulation.options import count, moving_rung
+from rungwise.simulation.options import count, moving_rung, not_negative
 from rungwise.wording import choices
 from rungwise.world.carriers import TaskError
 from rungwise.world.find import world_of
@@ -36,7 +36,8 @@ from rungwise.world.run import finished, simulation_of
 
 CONFIDENCE = 0.95
 """Confidence of the bounds of a rate (Clopper and Pearson)."""
-MODES = (OPEN_LOOP, GUARDED, RE_PLANNING)
+MODES = (OPEN_LOOP, GUARDED, RE_PLANNING, FEEDBACK)
+MEASURED = (RE_PLANNING, FEEDBACK)
 WORST = 10
 """Samples that failed that are kept."""
 EXPLAINED = 50
@@ -68,7 +69,8 @@ class Verification(ByContent):
     success at 95 %; upper: the upper bound; failures: outcomes and their numbers; causes: for each uncertain
     value, how many of the first `explained` failures would succeed if it were as planned; worst: failed
     samples, sorted by margin; mode: how the plan was executed; unfinished: the work that a limit in seconds
-    left undone, in words. Samples unfinished at the limit do not count.
+    left undone, in words; noise: of measured places, with feedback. Samples unfinished at the limit do not
+    count.
     """
 
     plan: Plan = field(repr=False)
@@ -84,6 +86,7 @@ class Verification(ByContent):
     seed: int
     mode: str = OPEN_LOOP
     unfinished: str = ""
+    noise: float = 0.0
     _points: Reals = field(default_factory=lambda: np.zeros((0, 1)), repr=False)
 
     @property
@@ -104,8 +107,10 @@ class Verification(ByContent):
         executed."""
         deadline = Deadline(seconds(limit))
         time = Budget(None, deadline.seconds)
-        trials = Trials(self.plan, moving_rung(self.model), self.tol, self.mode, self.seed, time=time)
-        with deadline.needed_for("it was known what re-planning executes"):
+        trials = Trials(
+            self.plan, moving_rung(self.model), self.tol, self.mode, self.seed, time=time, noise=self.noise
+        )
+        with deadline.needed_for(f"it was known what {self.mode} executes"):
             inputs = trials.executed(self._points[sample.number])
         simulation = simulation_of(
             self.plan.scene, self.model, parameters=sample.parameters, tol=self.tol, inputs=inputs
@@ -138,7 +143,7 @@ class Verification(ByContent):
         """Plain values, as `rungwise verify --json` prints them."""
         kept = (
             "model", "tol", "samples", "successes", "lower", "upper", "failures", "causes", "seed", "mode",
-            "unfinished",
+            "unfinished", "noise",
         )  # fmt: skip
         values = {name: getattr(self, name) for name in kept}
         return {"scene": self.plan.scene.name} | values | {"worst": [asdict(each) for each in self.worst]}
@@ -151,6 +156,7 @@ def verify(
     samples: int = 200,
     *,
     mode: str | None = None,
+    noise: float = 0.0,
     rate: float | None = None,
     limit: float | None = None,
     seed: int = 0,
@@ -166,8 +172,12 @@ def verify(
         model, tol: those of the plan's last stage if not given.
         mode: "open loop"; "guarded moves": a move ends at the touch of a robot and an object; "re-planning":
             after each move the actual state is read, and the rest planned anew with the plan's own
-            parameters. The plan's own mode if not given.
-        rate: with re-planning, sampling ends as soon as the bound of success can no longer reach this rate.
+            parameters; "feedback": the plan's policy leads the run from measured places (see `Plan.policy`).
+            The plan's own mode if not given.
+        noise: with feedback, standard deviation of the measured places of objects, in the scene's lengths; of
+            turns over how far objects reach.
+        rate: with re-planning and feedback, sampling ends as soon as the bound of success can no longer reach
+            this rate.
         limit: seconds after which the call returns with the samples that were run; see `unfinished`.
         seed: of the samples; threads: as many as there are cores if not given.
         cluster: address of a dask scheduler whose workers execute instead of threads.
@@ -185,12 +195,12 @@ def verify(
     time = Budget(None, limit)
     trials = Trials(
         *_in_mode(plan, chosen, plan.mode if mode is None else mode, plan.tol if tol is None else tol),
-        seed, threads, time,
+        seed, threads, time, not_negative("noise", noise),
     )  # fmt: skip
     run, close = _runner(trials, cluster)
     try:
         points, causes = trials.draw(number), dict[str, int]()
-        parts = number if trials.mode == RE_PLANNING and cluster is None else PARTS
+        parts = number if trials.mode in MEASURED and cluster is None else PARTS
         ends = _run(run, trials.mode, parts, points, rate, time, on_progress)
         if ends.unfinished:
             return _verification(trials, points, ends, causes)
@@ -208,7 +218,7 @@ def _in_mode(plan: Plan, model: Rung, mode: str, tol: float) -> tuple[Plan, Rung
         raise TaskError(f"mode: unknown {shown(mode)}{choices(mode, MODES)}")
     has_guards = any(segment.until for segment in plan.segments)
     if mode == OPEN_LOOP and has_guards:
-        raise TaskError(f"mode: the plan has guarded moves; valid: {GUARDED}, {RE_PLANNING}")
+        raise TaskError(f"mode: the plan has guarded moves; valid: {GUARDED}, {RE_PLANNING}, {FEEDBACK}")
     if mode == GUARDED and not has_guards:
         other = guarded(plan)
         if other is None:
@@ -225,7 +235,7 @@ def _runner(trials: Trials, address: str | None) -> tuple[_Runner, Callable[[], 
         raise TaskError(f"cluster: {trials.plan.scene.name} runs in processes of this machine")
     request = {
         "model": trials.model.name, "inertia": trials.model.inertia, "tol": trials.tol, "mode": trials.mode,
-        "seed": trials.seed,
+        "seed": trials.seed, "noise": trials.noise,
     }  # fmt: skip
     cluster = Cluster(address, trials_at, (trials.plan.text(), json.dumps(request)), TaskError)
 
@@ -251,7 +261,7 @@ def _run(
 ) -> _Ends:
     """How the samples end, in so many parts; the first ones where the rate is out of reach after them, or the
     time is over."""
-    least = rate if mode == RE_PLANNING else None
+    least = rate if mode in MEASURED else None
     parts = parts if least is not None or time.seconds is not None else 1
     ends = _Ends(np.zeros(0, np.int64), np.zeros(0))
     for part in np.array_split(points, min(parts, len(points))):
@@ -348,5 +358,6 @@ def _verification(trials: Trials, points: Reals, ends: _Ends, causes: dict[str, 
         plan=trials.plan, model=trials.model.name, tol=trials.tol, samples=n, successes=k,
         lower=bounds[0], upper=bounds[1], failures=dict(names), causes=causes,
         worst=worst, seed=trials.seed, mode=trials.mode, unfinished=ends.unfinished,
+        noise=trials.noise,
         _points=points,
     )  # fmt: skip

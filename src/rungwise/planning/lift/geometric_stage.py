@@ -16,7 +16,7 @@ from rungwise.planning.diagnosis.sentences import UNTOUCHED
 from rungwise.planning.motion.free_paths import PlannerMissing
 from rungwise.planning.motion.placements import GOALS, Placing, jumps
 from rungwise.planning.motion.propagate import Stage
-from rungwise.planning.plan import Plan
+from rungwise.planning.plan import NOTHING, Plan
 from rungwise.planning.search.problem import Work
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
@@ -24,7 +24,6 @@ from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT
 from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 
-NOTHING = "nothing found"
 SURE = 1e-3
 """What is lacking of a goal of which no place was found, if it is to be said that there is none."""
 LOOKS = 100

@@ -19,13 +19,13 @@ from rungwise.outcome import Code
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.explain import diagnoses, drifts, explained, in_what_is_left
-from rungwise.planning.lift.geometric_stage import NOTHING, in_the_way, nowhere, place, put
+from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put
 from rungwise.planning.lift.initial import Initial, begun_with
-from rungwise.planning.lift.repair import HELD, Before, Lifted, on_stage
+from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
 from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.motion.propagate import Budget, Stage
-from rungwise.planning.plan import Plan, Record, installed, with_record
+from rungwise.planning.plan import HELD, NOTHING, Plan, Record, installed, with_record
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid

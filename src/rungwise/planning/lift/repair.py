@@ -15,13 +15,13 @@ from rungwise.outcome import Code
 from rungwise.planning.modes.planner import anew_on, mode_planner
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor, Stage
+from rungwise.planning.plan import HELD
 from rungwise.planning.search.layout import Course, counts_of, is_by_modes
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.search import Begun, lead_on
 from rungwise.planning.search.shooting import Search, shoot
 from rungwise.simulation.inputs import Segment
 
-HELD = "held"
 SLOWER = (2.0, 4.0, 8.0)
 """How many times as slowly a schedule of servos' targets is run that fails as it is."""
 CONTINUED = (0.01, 0.1, 0.4, 1.0)

@@ -148,22 +148,36 @@ class ModePlanner:
                 return found
         return None
 
+    def leg_again(self, vector: Reals, failed: int = 0) -> Node | None:
+        """The end of one leg of a plan (d,), made again from where the object is, in one of the manners of
+        `led_again`. Raises TimeOver."""
+        first = min(failed, len(AGAIN) - 1)
+        for manner in AGAIN[first:] + AGAIN[:first]:
+            after = self._made(self.nodes[0], vector, manner)
+            if after is not None:
+                return after
+        return None
+
     def _again(self, vectors: Reals, manner: Manner) -> Found | None:
         """The legs of a plan (k, d), each made again from where the object is."""
         node = self.nodes[0]
         for vector in vectors:
-            own = manner._replace(press=max(manner.press, float(vector[1])))
-            made = self.scene.leg(node.places.q[0], vector, own, self._look)
-            if made is None:
-                self.work.failures["no leg from where the object is"] += 1
-                return None
-            after = self._ran(node, made, own)
+            after = self._made(node, vector, manner)
             if after is None:
                 return None
             node = after
             if node.outcome == Code.GOAL:
                 return node.found
         return None
+
+    def _made(self, node: Node, vector: Reals, manner: Manner) -> Node | None:
+        """The node at the end of a leg (d,) that is made again from another node."""
+        own = manner._replace(press=max(manner.press, float(vector[1])))
+        made = self.scene.leg(node.places.q[0], vector, own, self._look)
+        if made is None:
+            self.work.failures["no leg from where the object is"] += 1
+            return None
+        return self._ran(node, made, own)
 
     def _attempt(self) -> Found | None:
         """A tree from one of the nodes, and its legs run in turn."""

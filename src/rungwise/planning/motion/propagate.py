@@ -196,6 +196,11 @@ class Predictor:
         runs = self._segments((False,), (None,))
         return _places(runs.taken_over(_begun(now), scene, levels))
 
+    def measured(self, q: Reals, v: Reals, levels: Reals) -> Places:
+        """A place (n_q,) with velocities (n_v,) that was measured, as these runs go on from it, after inputs
+        `levels` (u,). Raises StateError where bodies overlap."""
+        return _places(self._segments((False,), (None,)).measured(q, v, levels))
+
     def _segments(
         self, ramps: tuple[bool, ...], until: tuple[str | None, ...], patient: bool = False
     ) -> Runs:

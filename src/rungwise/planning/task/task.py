@@ -82,6 +82,11 @@ class Task:
         return STILL * min(self._speeds)
 
     @property
+    def fastest(self) -> float:
+        """The speed of the fastest robot that is led; 0 where none is."""
+        return max(self._speeds, default=0.0)
+
+    @property
     def _speeds(self) -> list[float]:
         """The speeds of robots that are led: of carriers, else of the fingers that the task names."""
         named = [self.numbers[f"task.fingers.{pattern}.speed"] for pattern in fields_of(self.scene).fingers]

@@ -165,14 +165,31 @@ class PlanarRuns:
             (PlanarSurroundings(self.scene, given).apart(place.q[0]), None),
         ):
             state = State(self.scene.template.coordinates, q, place.v[0], float(place.time[0]), kept)
-            begun = Simulation(
-                self.scene, self.model, parameters=given, state=state, frames=3,
-                duration=state.time + self._span(given),
-            )  # fmt: skip
-            if begun.workspace is not None and not begun.reason:
-                own = begun.workspace.state.memory[None].copy()
-                return Places(q[None].copy(), place.v.copy(), place.time, own, np.ones(1, bool))
+            begun = self._begun(state, given)
+            if not isinstance(begun, str):
+                return begun
         return Places.by_hand(place.q.copy(), place.v.copy())
+
+    def measured(self, q: Reals, v: Reals, levels: Reals) -> Places:
+        """See `Runs.measured`."""
+        given = self.parameters | dict(zip(self.scene.template.inputs, levels.tolist(), strict=True))
+        begun = self._begun(State(self.scene.template.coordinates, q, v), given)
+        if isinstance(begun, str):
+            raise StateError(begun)
+        return begun
+
+    def _begun(self, state: State, given: dict[str, float]) -> Places | str:
+        """Where a run begins at a state with these inputs; or what is wrong with it."""
+        begun = Simulation(
+            self.scene, self.model, parameters=given, state=state, frames=3,
+            duration=state.time + self._span(given),
+        )  # fmt: skip
+        if begun.workspace is None or begun.reason:
+            return begun.reason
+        own = begun.workspace.state.memory[None].copy()
+        return Places(
+            state.q[None].copy(), state.v[None].copy(), np.array([state.time]), own, np.ones(1, bool)
+        )
 
     def _span(self, given: Mapping[str, float]) -> float:
         """How long a whole run lasts."""

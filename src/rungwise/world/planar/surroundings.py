@@ -18,14 +18,13 @@ from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
+from rungwise.world.apart import apart
 from rungwise.world.carriers import Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
 FEATURES = 4 * VERTICES * VERTICES
 """More than there are features of one pair of shapes."""
-OPENED, BEYOND = 8, 1.01
-"""Steps in which bodies that overlap are moved apart, and how many times as far as it takes."""
 
 
 @kernel
@@ -137,17 +136,7 @@ class PlanarSurroundings:
     def apart(self, q: Reals) -> Reals:
         """The place (n,) nearest to q (n,), nearly, at which no bodies overlap; a turn counts as the way of
         the contact that it moves most. Joints are not looked at."""
-        found = q.copy()
-        for _ in range(OPENED):
-            touches = self.touches(found, 0.0)
-            closed = touches.gaps < 0.0
-            if not closed.any():
-                break
-            rows = touches.rows[closed, 0]
-            units = np.maximum(np.abs(rows).max(axis=0), 1.0)
-            step = np.linalg.lstsq(rows / units, -BEYOND * touches.gaps[closed], rcond=None)[0]
-            found = found + step / units
-        return found
+        return apart(self, q)
 
     def loads(self, q: Reals) -> Reals:
         records, state, terms = self._records, self._workspace.state, self._workspace.terms

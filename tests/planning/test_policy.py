@@ -1,0 +1,198 @@
+"""Plans that are followed from measured places: what a policy gives, what it says, and when it plans anew."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.execution.policy import FOLLOWING, LOST, RE_PROPOSING, adequate
+from rungwise.planning.execution.timed import Timed
+from rungwise.planning.motion.propagate import Stage
+from rungwise.world.apart import apart
+from rungwise.world.planar.surroundings import PlanarSurroundings
+
+PLANS = {
+    "card": {},
+    "corner_pivot": {},
+    "push": {"task_seed": 1001, "schedule": "quasistatic"},
+    "floor_push": {},
+}
+"""Plans by contact modes, of pushes, and in space."""
+
+
+@cache
+def planned(name: str) -> rw.Plan:
+    found = rw.plan(name, seed=1, **PLANS[name])
+    assert found.found, found.reason
+    return found
+
+
+@cache
+def policy_of(name: str) -> rw.Policy:
+    return planned(name).policy()
+
+
+@cache
+def in_haste(name: str) -> rw.Policy:
+    return planned(name).policy(budget=500, limit=0.3)
+
+
+def run(policy: rw.Policy, **options: object) -> rw.Run | rw.SpaceRun:
+    plan = policy.plan
+    assert plan.stage is not None
+    policy.restart()
+    given = {"parameters": plan.parameters, "tol": plan.tol, "duration": policy.duration, "inputs": []}
+    return rw.simulate(plan.scene, plan.stage.model, control=policy, rate=policy.rate, **(given | options))
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("name", ["card", "push", "corner_pivot", "floor_push"])
+def test_a_plan_is_followed_as_it_is_where_nothing_differs(name: str) -> None:
+    """Nothing is proposed anew, and the run comes to the goal when the plan does."""
+    policy = policy_of(name)
+    found = run(policy)
+    assert found.outcome == rw.Outcome.GOAL and not policy.proposals and policy.status == FOLLOWING
+    assert found.time == pytest.approx(policy.plan.replay().time, rel=0.03)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("name", ["card", "push", "floor_push"])
+def test_whatever_is_measured_a_policy_gives_inputs_and_says_what_it_does(name: str, number: int) -> None:
+    """States about the plan's, some far off, some overlapping, some at other times, some not finite."""
+    policy, rng = in_haste(name), np.random.default_rng(number)
+    plan = policy.plan
+    states = plan.replay().states
+    low, high = (
+        np.array([plan.scene.file.parameters[n].range[k] for n in plan.scene.template.inputs]) for k in (0, 1)
+    )
+    policy.restart()
+    for _ in range(3):
+        state = states[int(rng.integers(len(states)))]
+        far = 10.0 ** rng.uniform(-5.0, 0.5)
+        q = state.q + far * rng.standard_normal(len(state.q))
+        if rng.random() < 0.1:
+            q[int(rng.integers(len(q)))] = rng.choice([np.nan, np.inf])
+        v = state.v + far * rng.standard_normal(len(state.v))
+        given = policy(rw.State(state.names, q, v, state.time * rng.uniform(0.9, 1.2)))
+        levels = np.array([given[n] for n in plan.scene.template.inputs])
+        assert (low <= levels).all() and (levels <= high).all()
+        assert policy.status in (FOLLOWING, RE_PROPOSING, LOST)
+        assert bool(policy.reason) or policy.status == FOLLOWING
+
+
+def test_what_is_no_number_is_lost_and_inputs_stay() -> None:
+    policy = policy_of("card")
+    policy.restart()
+    start = rw.State.of(policy.plan.scene)
+    before = policy(start)
+    q = start.q.copy()
+    q[0] = np.nan
+    assert policy(rw.State(start.names, q, start.v)) == before
+    assert policy.status == LOST and policy.reason == "what is measured is not finite"
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [(3.0, "takes an observation, a state or a simulation, not float"), ("push", "not of card")],
+)
+def test_what_is_no_state_of_the_scene_is_refused_in_a_line(seen: object, said: str) -> None:
+    given = rw.State.of(seen) if isinstance(seen, str) else seen
+    with pytest.raises(rw.TaskError, match=said):
+        policy_of("card")(given)  # type: ignore[arg-type]
+
+
+def test_a_box_that_lies_elsewhere_is_brought_to_the_goal() -> None:
+    """By 4 mm: as it is the plan misses. Its policy does not, by steps of a user's own loop, either."""
+    policy = policy_of("push")
+    plan, there = policy.plan, policy.plan.parameters | {"x": 0.002, "y": -0.003}
+    assert plan.stage is not None
+    blind = rw.simulate(plan.scene, plan.stage.model, parameters=there, inputs=plan.segments, tol=plan.tol)
+    assert blind.outcome == rw.Outcome.MISSED
+    assert run(policy, parameters=there).outcome == rw.Outcome.GOAL
+    assert any(each.found and each.steps > 0 for each in policy.proposals)
+    policy.restart()
+    simulation = rw.Simulation(
+        plan.scene, plan.stage.model, parameters=there, tol=plan.tol, duration=policy.duration
+    )
+    while simulation.running:
+        simulation.step(1.0 / policy.rate, policy(simulation), ramp=policy.ramp)
+    assert simulation.outcome == rw.Outcome.GOAL
+
+
+def test_the_cheapest_rung_from_which_a_plan_held_is_adequate() -> None:
+    plan = planned("push")
+    assert (
+        adequate(plan) == Stage(rw.QUASISTATIC_RIGID, 1e-3)
+        and policy_of("push").model == rw.QUASISTATIC_RIGID
+    )
+    assert plan.policy(model="dynamic-rigid").model == rw.DYNAMIC_RIGID
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"budget": 0}, "budget: must be"),
+        ({"average": 0}, "average: must be"),
+        ({"limit": -1.0}, "limit: must be"),
+        ({"model": "geometric"}, "geometric"),
+    ],
+)
+def test_wrong_options_of_a_policy_are_named(given: dict[str, float], said: str) -> None:
+    with pytest.raises(rw.InputError, match=said):
+        planned("card").policy(**given)
+
+
+def test_a_proposal_takes_no_more_than_its_budget() -> None:
+    """Runs that began are ended: no more than a leg is run after the budget is spent."""
+    policy = planned("push").policy(budget=100)
+    found = run(policy, parameters=policy.plan.parameters | {"x": 0.002, "y": -0.003})
+    assert found.outcome in (rw.Outcome.GOAL, rw.Outcome.MISSED, rw.Outcome.TIMEOUT)
+    assert policy.proposals and max(each.steps for each in policy.proposals) < 20_000
+
+
+def two_ramps() -> Timed:
+    rows = np.array([[0.0], [1.0], [1.0], [3.0]])
+    ends, path = np.array([0.0, 2.0, 3.0, 4.0]), np.array([[0.0], [4.0]])
+    legs = np.array([0, 0, 1])
+    return Timed(rows, (True, False, False), ends, legs, ("a", "b", "c"), np.zeros(1), path, ends[[0, 2]])
+
+
+def test_inputs_over_time_have_means_and_rests() -> None:
+    part = two_ramps()
+    assert part.at(1.0) == [0.5] and part.at(2.5) == [1.0] and part.at(3.5) == [3.0] and part.at(9.0) == [0.0]
+    assert part.mean(0.0, 2.0) == pytest.approx([0.5]) and part.mean(1.0, 4.5) == pytest.approx([4.75 / 3.5])
+    assert part.expected(1.5) == pytest.approx([2.0]) and part.expected(9.0) == [4.0]
+    assert part.is_known(3.0) and not part.is_known(3.1)
+    segments, labels, legs = part.left(1.5, ["u"])
+    assert [each.duration for each in segments] == [0.5, 1.0, 1.0] and labels == ("a", "b", "c")
+    assert segments[0].ramp and segments[0].inputs == {"u": 1.0} and legs.tolist() == [0, 0, 1]
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("number", range(8))
+def test_measured_contacts_are_closed_and_overlaps_opened(number: int) -> None:
+    """A block in a corner, measured with errors of up to a millimetre."""
+    scene = rw.load("corner_pivot")
+    around, rng = PlanarSurroundings(scene, scene.parameters()), np.random.default_rng(number)
+    start = rw.State.of(scene).q
+    pairs = np.unique(around.touches(start, 1e-4).pairs)
+    q = start.copy()
+    q[3:] += rng.uniform(-1.0, 1.0, 3) * np.array([1e-3, 1e-3, 1e-2])
+    found = apart(around, q, 4e-3, pairs)
+    least = around.touches(found, 1e-2).least
+    assert least.min() >= 0.0 and least[pairs].max() <= 4e-6 and np.abs(found - q).max() <= 0.03
+
+
+def test_feedback_is_verified_beside_the_other_modes() -> None:
+    plan = planned("push")
+    blind, seeing = (rw.verify(plan, samples=3, mode=mode, seed=3) for mode in ("open loop", "feedback"))
+    assert seeing.successes >= blind.successes and seeing.successes >= 2
+    assert seeing.mode == "feedback" and seeing.lower > 0.0 and "feedback: " in str(seeing)
+    noisy = rw.verify(plan, samples=1, mode="feedback", noise=5e-4)
+    assert noisy.noise == 5e-4 and noisy.samples == 1
+    with pytest.raises(rw.InputError, match="noise: must be a finite number that is not below 0"):
+        rw.verify(plan, samples=1, mode="feedback", noise=-1.0)
