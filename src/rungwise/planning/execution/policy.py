@@ -22,8 +22,8 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import Code
-from rungwise.planning.execution.remaining_legs import PIECE, in_pieces
 from rungwise.planning.execution.receding import rest_of, whole
+from rungwise.planning.execution.remaining_legs import PIECE, in_pieces
 from rungwise.planning.execution.timed import Timed, still, timed
 from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Stage
 from rungwise.planning.plan import HELD, NOTHING, PLACES_ONLY, Plan
