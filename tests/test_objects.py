@@ -93,6 +93,25 @@ def test_runs_are_themselves_and_can_be_kept() -> None:
     assert copied.scene == run.scene and copied.trajectory.identical(run.trajectory)
 
 
+def test_runs_in_space_can_be_kept_and_gone_on_from() -> None:
+    pytest.importorskip("mujoco")
+    run = rw.simulate("ball", "dynamic-rigid", duration=0.05)
+    copied = pickle.loads(pickle.dumps(run))
+    assert copied.scene == run.scene and copied.trajectory.identical(run.trajectory)
+    assert isinstance(copied, rw.SpaceRun) and copied.space is not None
+    further = [
+        rw.simulate("ball", "dynamic-rigid", state=each.state, duration=0.1).final for each in (run, copied)
+    ]
+    assert further[0] == further[1]
+
+
+def test_a_run_under_way_says_what_can_be_kept_of_it() -> None:
+    simulation = rw.Simulation("two_finger", "kinematic")
+    assert simulation == simulation and hash(simulation)
+    with pytest.raises(TypeError, match="keep its `state`"):
+        pickle.dumps(simulation)
+
+
 @pytest.mark.parametrize(
     ("a", "b", "equal"),
     [

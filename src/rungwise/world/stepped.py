@@ -67,6 +67,10 @@ class Simulation(Generic[Ended]):
     ) -> None:
         self._run: Any = world_of(load(scene)).simulation(model, **options)
 
+    def __getstate__(self) -> object:
+        """Raises TypeError: a run under way holds compiled code and a solver's memory."""
+        raise TypeError("a Simulation cannot be pickled or copied; keep its `state`, or its `result()`")
+
     def __repr__(self) -> str:
         return run_of(self, f"{self.outcome} at t = {self.time:.6g}")
 

@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.moving.result import MovingRun, measured, named, told, worked
 from rungwise.simulation.spatial.frames import REACTIONS, Frame
+from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.space import Space
 
 if TYPE_CHECKING:
@@ -30,6 +31,14 @@ class SpaceRun(MovingRun):
 
     def dataset(self) -> xarray.Dataset:
         return dataset(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The run without its system, of which only whether there is one is kept: MuJoCo's data stay here."""
+        return self.__dict__ | {"space": self.space is not None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        space = Prepared.of(state["scene"], state["parameters"]).system if state["space"] else None
+        self.__dict__.update(state | {"space": space})
 
 
 def dataset(run: SpaceRun) -> xarray.Dataset:
