@@ -94,8 +94,10 @@ proof or a plan is called. An *acceptance* says whether an answer, a step or a s
 where and how long is looked; what is found is judged by other numbers. Numbers without a unit are counts, or
 parts of what their meaning names. The last column has the test that fails where the number is far smaller (-)
 or far greater (+), by a decade or two. *Free* are numbers of which all may be multiplied or divided by the
-factor at once, and the shipped scenes end as before (`python benchmarks/decades.py` tells). Where the column
-is empty, neither is known.
+factor at once, and the shipped scenes end as before (`python benchmarks/decades.py` tells). Numbers of
+searches are free where all are changed at once, each by a factor of its own up to that one, and small
+searches find the same (`python benchmarks/search_numbers.py` tells). Where the column is empty, neither is
+known.
 
 """.splitlines()
 
