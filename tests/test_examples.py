@@ -7,6 +7,7 @@ import json
 import math
 import re
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 import rungwise as rw
+from rungwise import deadline
 from tests.pages import same
 
 ROOT = Path(__file__).parent.parent
@@ -166,6 +168,22 @@ def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: Patch) -> Non
         assert published.suits_modes(scene)
         assert scene.file.task is not None and scene.file.task.moves[1] > 12
         assert rw.simulate(scene, "quasistatic-rigid", duration=0.1).outcome == rw.Outcome.MISSED
+
+
+def test_kinds_for_the_ladder_can_be_planned_by_contact_modes(monkeypatch: Patch) -> None:
+    """Each member begins away from its goal; limits by the processor's clock end there alone."""
+    kinds = script("benchmarks/ladder_kinds.py", monkeypatch)
+    published = script("benchmarks/published_tasks.py", monkeypatch)
+    for kind in kinds.KINDS:
+        scenes = kinds.members(kind)
+        assert len({scene.name for scene in scenes}) == len(scenes) == 3
+        for scene in scenes if kind in ("clutter", "soft") else scenes[:1]:
+            assert published.suits_modes(scene)
+            assert rw.simulate(scene, "quasistatic-rigid", duration=1e-3).outcome == rw.Outcome.MISSED
+    before = time.monotonic
+    with kinds.by_processor():
+        assert deadline.time.monotonic is time.process_time
+    assert deadline.time.monotonic is before
 
 
 @pytest.mark.long

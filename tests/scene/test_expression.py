@@ -309,7 +309,7 @@ REFUSED = {
     "not a": "a condition stands where a number is wanted",
     "1 if a else b": "'a' is not a condition",
     "9" * 400: "a number is too large",
-    "1" * (MAX_LENGTH + 1): "longer than 2000 characters",
+    "1" * (MAX_LENGTH + 1): "longer than 40000 characters",
     "+".join("a" * (MAX_NODES // 3)): "more than 300 terms",
     "-" * MAX_NODES + "a": "more than 300 terms",
     "a+(" * 70 + "a" + ")" * 70: "nested too deeply",

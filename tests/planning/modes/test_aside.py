@@ -93,3 +93,13 @@ def test_pieces_of_which_the_goal_speaks_are_not_pushed_aside(asked: str, kept: 
     assert left_out == {f"piece{k}" for k in range(2 - kept, 2)}
     assert all("piece0" in names[k] for k in (*ground.pairs, *ground.avoided))
     assert len(ground.pairs) == 2 - kept
+
+
+@pytest.mark.parametrize("count", [1, 7, 40])
+def test_rest_of_many_objects_is_a_condition(count: int) -> None:
+    """As robots wait for it where objects still move."""
+    scene = among([(0.2 + 0.03 * k, 0.0) for k in range(count)], "disc")
+    run = rw.simulate(
+        scene, "quasistatic-rigid", inputs=[rw.Segment({"x": -0.06}, 1.0, task_of(scene).at_rest)], limit=20
+    )
+    assert run.outcome == rw.Outcome.MISSED

@@ -101,6 +101,23 @@ def test_a_box_pushes_another_to_its_goal(
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("near", [(-0.1, 0.0), (0.05, 0.08), (0.05, -0.09)])
+@pytest.mark.parametrize("robots", ["palm", "two fingers"])
+def test_both_boxes_of_a_push_come_to_their_goals(robots: str, near: tuple[float, float], seed: int) -> None:
+    """The one that pushes does so before it comes to its own place."""
+    palm = robots == "palm"
+    places = [(-0.2, 0.0)] if palm else [(-0.2, 0.02), (-0.2, -0.02)]
+    data = yaml.safe_load(in_line(places, PALM if palm else DISC, 1 + palm).yaml())
+    own = f"hypot(near.x - {near[0]}, near.y - {near[1]}) <= 0.02"
+    data["goal"] = f"hypot(far.x - 0.2, far.y) <= 0.015 and {own}"
+    data["task"]["moves"] = [1, 12]
+    found = rw.plan(rw.load(data), seed=seed, limit=60.0, budget=None)
+    assert found.found, found.reason
+    assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+
+
 def on_a_floor() -> rw.Scene:
     """A palm and the same two boxes seen from the side, where gravity presses the boxes on a floor."""
     data = yaml.safe_load(in_line([(-0.2, 0.03)], PALM, 2).yaml())

@@ -265,7 +265,7 @@ class ModePlanner:
 
     def _object(self, q: Reals) -> Ground:
         """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at
-        times another."""
+        times another; one that has to push another there comes to its own goal after it."""
         grounds = [ground for ground in self.scene.grounds.values() if not ground.pushes]
         wanted = [ground for ground in self._wanted() if not self._reached(ground)(q)]
         pushing = [self.scene.aside[ground.body] for ground in wanted if ground.body in self.scene.aside]
@@ -275,6 +275,10 @@ class ModePlanner:
         direct = [ground for ground in wanted if not ground.pushes or ground.last not in touched]
         if direct and len(direct) < len(wanted) and self.work.rng.random() > THROUGH:
             wanted = direct
+        busy = {ground.body for ground in direct if ground.pushes}
+        others = [ground for ground in wanted if ground.pushes or ground.body not in busy]
+        if len(others) < len(wanted) and self.work.rng.random() > THROUGH:
+            wanted = others
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
             grounds = wanted
         return grounds[int(self.work.rng.integers(len(grounds)))]

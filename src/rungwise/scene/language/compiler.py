@@ -38,7 +38,7 @@ from rungwise.scene.language.expression import (
 from rungwise.scene.language.lasting import FOR, REST, ExpressionError, restored, rewritten
 from rungwise.scene.language.units import Conversion, converted
 
-MAX_LENGTH = 2000
+MAX_LENGTH = 40_000
 MAX_NODES = 300
 _BINARY: dict[type[ast.operator], int] = {
     ast.Add: ADD, ast.Sub: SUBTRACT, ast.Mult: MULTIPLY, ast.Div: DIVIDE, ast.Pow: POWER,
@@ -75,8 +75,9 @@ def compile_expression(
             tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ExpressionError(f"{restored(text)[:60]!r} is not an expression") from None
-    if sum(1 for _ in ast.walk(tree)) > MAX_NODES:
-        raise ExpressionError(f"more than {MAX_NODES} terms")
+    for part in tree.values if isinstance(tree, ast.BoolOp) else [tree]:  # rest of many objects is a long one
+        if sum(1 for _ in ast.walk(part)) > MAX_NODES:
+            raise ExpressionError(f"more than {MAX_NODES} terms")
     tree = converted(tree, units)
     compiler = _Compiler(text, lookup, choices, list(slots))
     if condition:
