@@ -34,9 +34,7 @@ FINE = 1e-8
 LEVER = 0.06
 REPEATS = 3
 AT = (1e-4, 1e-5, 1e-6)
-TURN = 0.7
-ROD = 0.005
-APART = 1e-3
+TURN, ROD, APART = 0.7, 0.005, 1e-3
 
 
 @dataclass(frozen=True)

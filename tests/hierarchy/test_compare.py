@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import rungwise as rw
+from rungwise.hierarchy import stages
 from rungwise.hierarchy.along_paths import exponent
 from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
@@ -288,3 +289,13 @@ def test_exponent_and_its_error() -> None:
 def test_wrong_input_is_one_line(options: dict[str, Any], words: str) -> None:
     with pytest.raises(rw.InputError, match=words):
         rw.compare("two_finger", **options)
+
+
+@pytest.mark.parametrize("moments", [7, 16])
+def test_stages_are_judged_at_moments_that_motions_have(
+    moments: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many are asked for, also where they do not divide those of the motions."""
+    monkeypatch.setattr(stages, "MOMENTS", moments)
+    found = rw.compare("two_finger", rw.KINEMATIC, samples=1, threads=1)
+    assert found.cheapest is not None

@@ -14,7 +14,8 @@ from rungwise.planning.motion.propagate import Stage
 TOLS = (1e-2, 1e-3, 1e-4)
 """Errors allowed per step of the stages that are tried, over the size of what moves."""
 MOMENTS = 10
-"""Moments at which a stage is judged; a run has at least so many steps."""
+"""Moments at which a stage is judged, or fewer, evenly among those of motions; a run has at least so many
+steps."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +32,15 @@ class Cost:
 def costs(bench: Bench, inputs: Reals, until: Reals, truth: Motions) -> list[Cost]:
     """What every rung at every accuracy takes under these inputs, and how far it is from the settled motions
     of the richest rung; runs whose motions have not settled there are left out."""
-    part = truth.places.shape[1] // MOMENTS
+    moments = math.gcd(MOMENTS, truth.places.shape[1])  # those of a run are among those of the truth
+    part = truth.places.shape[1] // moments
     rows = np.flatnonzero(truth.known)
     truth = truth._replace(places=truth.places[:, part - 1 :: part]).rows(rows)
     inputs, until = inputs[rows], until[rows]
     found = []
     for model in MOVING if len(inputs) else ():
         for tol in TOLS:
-            runs = bench.run(model, inputs, until, tol, moments=MOMENTS)
+            runs = bench.run(model, inputs, until, tol, moments=moments)
             away = np.nan_to_num(apart(runs, truth), nan=math.inf)
             stage, steps, solves = Stage(model, tol), int(runs.steps.sum()), int(runs.solves.sum())
             found.append(Cost(stage, float(away.max()), steps, solves))

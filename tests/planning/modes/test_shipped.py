@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 import rungwise as rw
+from rungwise.planning.modes import tree
 
 KEPT = Path(__file__).parents[3] / "docs" / "gallery"
 
@@ -54,3 +55,10 @@ def test_a_scene_with_fingers_is_planned_and_lifted(name: str, seed: int) -> Non
     assert found.records[0].stage.startswith("quasistatic-rigid") and found.records[0].how == "planned"
     assert found.stage is not None and found.stage.model is rw.DYNAMIC_COMPLIANT
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+
+
+def test_fingers_are_placed_on_any_number_of_pairs_of_opposite_places(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tree, "PAIRS", 23)
+    assert rw.plan("card", limit=60.0).found

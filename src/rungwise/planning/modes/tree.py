@@ -38,9 +38,9 @@ ROWS = 200
 """Nodes for which room is made at a time."""
 CHOSEN, GREEDY = 4, 0.3
 """Modes that a node is extended in, and how often these are the best."""
-POOL, TRIES, PLACED, ENOUGH = 48, 60, 24, 6
-"""Places on the outline of which some are drawn for fingers; how often, for a mode; of these, how often
-fingers are placed, and those that fit after which no more are."""
+PAIRS, TRIES, PLACED, ENOUGH = 24, 60, 24, 6
+"""Pairs of opposite places on the outline, of which some are drawn for fingers; how often, for a mode; of
+these, how often fingers are placed, and those that fit after which no more are."""
 LEAVES, IDLE = 0.6, 0.25
 """How often a finger changes its place, and then touches nothing."""
 ALONE = 0.4
@@ -215,8 +215,8 @@ def _grasps(
         failed[NO_BALANCE] += not kept
         return
     found, fits, placed = 0, carried(ground, seen) is not None, 0
-    alone = rng.permutation(POOL) if (ground.own >= 0).sum() == 1 else None
-    for k in range(TRIES if alone is None else POOL):
+    alone = rng.permutation(2 * PAIRS) if (ground.own >= 0).sum() == 1 else None
+    for k in range(TRIES if alone is None else 2 * PAIRS):
         look(1)
         changes, own, picked = _drawn(ground, used, rng)
         if alone is not None:
@@ -263,7 +263,7 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
     own[touching] = rng.random(len(touching)) >= (IDLE if len(can) > 1 else 0.0)
     if not own.any():
         own[rng.choice(touching)] = 1
-    picked = rng.integers(POOL, size=count)
+    picked = rng.integers(2 * PAIRS, size=count)
     if not ground.fingers[0].carrier.by_place and own.sum() > 1:
         _at_speeds(used, changes, own, picked, rng)
         return changes, own, picked
@@ -271,7 +271,7 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
     if len(held) > 1 and len(moved) and rng.random() < OPPOSITE:
         one = int(rng.choice(moved))
         other = int(rng.choice(held[held != one]))
-        picked[one] = (picked[other] + POOL // 2) % POOL if changes[other] else POOL + other
+        picked[one] = (picked[other] + PAIRS) % (2 * PAIRS) if changes[other] else 2 * PAIRS + other
     return changes, own, picked
 
 
@@ -288,19 +288,19 @@ def _at_speeds(used: Ints, changes: Ints, own: Ints, picked: Ints, rng: np.rando
     for f in np.flatnonzero(own):
         if f != one:
             changes[f] = 1
-            picked[f] = POOL + len(own) + (len(own) + picked[one] if changes[one] else one)
+            picked[f] = 2 * PAIRS + len(own) + (len(own) + picked[one] if changes[one] else one)
 
 
 def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> Reals:
     """Parts of the outline of which some are drawn: any, then those opposite of them, then those opposite of
     each finger, as far as it touches; where fingers move at given speeds, then parts beside each finger, and
     beside all that come first."""
-    drawn = rng.random(POOL // 2)
+    drawn = rng.random(PAIRS)
     places = np.array([ground.part(seen, f)[0] if used[f] else 0.0 for f in range(len(used))])
     found = np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
     if ground.fingers[0].carrier.by_place or len(used) == 1:
         return found
-    return np.concatenate([found, ground.alike(np.concatenate([places, found[:POOL]]), rng)])
+    return np.concatenate([found, ground.alike(np.concatenate([places, found[: 2 * PAIRS]]), rng)])
 
 
 def _placed(
