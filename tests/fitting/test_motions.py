@@ -84,8 +84,10 @@ def test_a_table_tells_units_known_parameters_and_inputs(tmp_path: Path) -> None
     file.write_text("time,part.x\n0,0\n1,a\n2,0\n")
     with pytest.raises(rw.MotionError, match=r"part.x in row 2 is no number: 'a'"):
         rw.Motions.from_csv(file)
-    with pytest.raises(rw.MotionError, match="cannot be read as a table"):
+    with pytest.raises(rw.MotionError, match=r"none.csv' is no file"):
         rw.Motions.from_csv(tmp_path / "none.csv")
+    with pytest.raises(rw.MotionError, match="cannot be read as a table"):
+        rw.Motions.from_csv(tmp_path)
 
 
 def test_runs_are_motions() -> None:

@@ -137,6 +137,9 @@ def test_view_refuses_in_one_line(tmp_path: Path, runs: list[rw.Run]) -> None:
         rw.view([])
     with pytest.raises(rw.ViewError, match="frames"):
         rw.view(runs[0], png=tmp_path / "x.png", frames=0)
+    for at in (float("nan"), float("inf"), -1.0):
+        with pytest.raises(rw.ViewError, match="at: must be a finite time, at least 0"):
+            rw.view(runs[0], png=tmp_path / "x.png", at=at)
     with pytest.raises(rw.ViewError, match=r"run\.json"):
         rw.view(tmp_path, html=tmp_path / "x.html")
     (tmp_path / "file").touch()

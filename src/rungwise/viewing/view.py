@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,8 @@ def view(
         raise ViewError("runs: at least one is needed")
     if frames < 1:
         raise ViewError(f"frames: {frames!r} must be at least 1")
+    if at is not None and not (isinstance(at, int | float) and 0.0 <= at < math.inf):
+        raise ViewError(f"at: must be a finite time, at least 0, not {shown(at)}")
     found = [source for source in sources if isinstance(source, FeasibleSet)]
     if found:
         if len(found) < len(sources) or gif is not None:

@@ -64,6 +64,8 @@ def _table(file: Path) -> tuple[list[str], dict[str, str], Any]:
     try:
         with file.open(newline="", encoding="utf-8") as source:
             lines = [line for line in csv.reader(source) if line and not line[0].startswith("#")]
+    except FileNotFoundError:
+        raise MotionError(f"data: {str(file)[:200]!r} is no file") from None
     except (OSError, UnicodeDecodeError, csv.Error):
         raise MotionError(f"data: {str(file)[:200]!r} cannot be read as a table") from None
     if len(lines) < 2:

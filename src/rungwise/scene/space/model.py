@@ -109,7 +109,7 @@ def _compiled(spec: mujoco.MjSpec, is_urdf: bool) -> mujoco.MjModel:
 
 def _line(error: BaseException) -> str:
     """A message of the parser on one line."""
-    return " ".join(str(error).split())[:300]
+    return " ".join(str(error).split()).removeprefix("Error: ")[:300]
 
 
 class Target(NamedTuple):
