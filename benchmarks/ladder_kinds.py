@@ -1,6 +1,6 @@
 """Kinds of task in which runs on dynamic-compliant should take most of a search: does the ladder pay there?
 
-    python benchmarks/ladder_kinds.py [--kinds clutter,soft] [--seeds 2] [--limit 10]
+    python benchmarks/ladder_kinds.py [--kinds clutter,soft] [--seeds 2] [--limit 10] [--runs]
 
 Four kinds of planar tasks, each with three members. *clutter*: a finger leads a box through pieces that lie
 loose, and that it pushes aside. *soft*: shipped scenes whose fingers are on springs that are hardly damped,
@@ -11,6 +11,9 @@ dynamic-compliant alone, and without contact modes in both ways; all ways of a s
 are those of the processor, all threads together, so that other work on the machine counts little. Medians are
 over all members and seeds; a search that finds nothing counts with its time, and a ">" stands where at least
 half of them do.
+
+With --runs nothing is planned: a finger pushes the box straight on through more and more pieces, on both
+rungs, and the processor's time for one run is printed.
 """
 
 from __future__ import annotations
@@ -33,6 +36,7 @@ from published_tasks import LIBRARY, WAYS
 import rungwise as rw
 from rungwise.planning.lift.lift import TENTH
 
+RUNGS = (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)
 SHIPPED = ("card", "corner_pivot", "corridor")
 """Scenes that soft, stiff and slow ones are made of."""
 CROWDS = (2, 4, 6)
@@ -68,6 +72,7 @@ def clutter(count: int, number: int) -> Data:
     for k, place in enumerate(_scattered(count, number)):
         bodies[f"piece{k}"] = _lying(shape, place, 0.04)
     pairs = [("finger", "box"), ("finger", "piece*"), ("box", "piece*"), ("piece*", "piece*")]
+    pairs = pairs[: 1 + 2 * (count > 0) + (count > 1)]
     contact = {"friction": 0.4, "stiffness": 1e5, "damping": 100.0}
     return {
         "name": f"clutter_{count}", "parameters": parameters, "inputs": ["x", "y"], "bodies": bodies,
@@ -118,6 +123,28 @@ def members(kind: str) -> list[rw.Scene]:
 
 
 KINDS = ("clutter", "soft", "stiff", "slow")
+RUNS, AHEAD, ERROR = (0, 2, 4, 8), 0.15, 1e-3
+"""Pieces in the way of one push, how far the finger is led, and the error allowed per step over the box's
+size."""
+
+
+def print_runs() -> None:
+    """A row for each number of pieces: milliseconds of one push on both rungs, and its steps."""
+    print(f"{'pieces':>6}" + "".join(f" {rung.name + ' ms':>22} {'steps':>6}" for rung in RUNGS))
+    for count in RUNS:
+        cells = list[str]()
+        for rung in RUNGS:
+            best, run = math.inf, None
+            for _ in range(2):
+                began = time.process_time()
+                run = rw.simulate(
+                    rw.load(clutter(count, 0)), rung, inputs=[rw.Segment({"x": AHEAD}, 4.0, ramp=True)],
+                    tol=ERROR * SIDE,
+                )  # fmt: skip
+                best = min(best, time.process_time() - began)
+            assert run is not None
+            cells.append(f" {1e3 * best:22.0f} {run.steps:6}")
+        print(f"{count:6}" + "".join(cells), flush=True)
 
 
 @contextmanager
@@ -170,7 +197,7 @@ def print_kind(kind: str, seeds: Sequence[int], limit: float) -> None:
     for way, tally in tallies.items():
         median = float(np.median(tally.seconds))
         ratio = f"{'>' if tally.mostly_fails else ''}{median / first:.2f}"
-        steps = [tally.steps.get(rung.name, 0) for rung in (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)]
+        steps = [tally.steps.get(rung.name, 0) for rung in RUNGS]
         print(
             f"{kind:8} {way:22} {tally.solved:2} of {len(tally.seconds):2} {tally.held:5} {median:9.2f}"
             f" {ratio:>7} {steps[0]:18} {steps[1]:18}",
@@ -183,7 +210,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--limit", type=float, default=10.0)
+    parser.add_argument("--runs", action="store_true", help="one push through pieces on both rungs alone")
     given = parser.parse_args(arguments)
+    if given.runs:
+        print_runs()
+        return
     print(
         f"{'kind':8} {'way':22} {'solved':>8} {'held':>5} {'median s':>9} {'ratio':>7}"
         f" {'quasistatic-rigid':>18} {'dynamic-compliant':>18}"
