@@ -31,10 +31,9 @@ from unittest.mock import patch
 
 import numpy as np
 import yaml
-from published_tasks import LIBRARY, WAYS
+from published_tasks import LIBRARY, WAYS, Found
 
 import rungwise as rw
-from rungwise.planning.lift.lift import TENTH
 
 RUNGS = (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)
 SHIPPED = ("card", "corner_pivot", "corridor")
@@ -156,12 +155,9 @@ def by_processor() -> Iterator[None]:
 
 
 @dataclass
-class Tally:
+class Tally(Found):
     """What came of the members and seeds of a kind, planned in one way."""
 
-    solved: int = 0
-    held: int = 0
-    seconds: list[float] = field(default_factory=list)
     steps: dict[str, int] = field(default_factory=dict)
 
     def add(self, scene: rw.Scene, way: str, seed: int, limit: float) -> None:
@@ -169,18 +165,10 @@ class Tally:
         began = time.process_time()
         with by_processor():
             plan = WAYS[way].plan(scene, seed, limit)
-        self.seconds.append(time.process_time() - began)
+        self.count(plan, time.process_time() - began)
         for record in plan.records:
             rung = record.stage.split(" ")[0]
             self.steps[rung] = self.steps.get(rung, 0) + record.steps
-        if plan.found:
-            run = plan.replay(rw.DYNAMIC_COMPLIANT, tol=TENTH * plan.tol)
-            self.solved, self.held = self.solved + 1, self.held + (run.outcome.code == rw.Code.GOAL)
-
-    @property
-    def mostly_fails(self) -> bool:
-        """Whether the median of seconds is the limit's, not a plan's."""
-        return 2 * self.solved <= len(self.seconds)
 
 
 def print_kind(kind: str, seeds: Sequence[int], limit: float) -> None:

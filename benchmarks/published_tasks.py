@@ -86,23 +86,16 @@ WAYS = {
 
 
 @dataclass
-class Tally:
-    """What came of the seeds of one task, planned in one way."""
+class Found:
+    """How many plans were found, how many of them hold at a tenth of their error, and the seconds of all."""
 
     solved: int = 0
     held: int = 0
     seconds: list[float] = field(default_factory=list)
-    searching: list[float] = field(default_factory=list)
-    steps: dict[str, list[int]] = field(default_factory=lambda: {rung.name: [] for rung in RUNGS})
 
-    def add(self, way: Way, scene: rw.Scene, seed: int, limit: float) -> None:
-        """Plan a task from a seed, and replay the plan."""
-        began = time.perf_counter()
-        plan = way.plan(scene, seed, limit)
-        self.seconds.append(time.perf_counter() - began)
-        self.searching.append(sum(record.seconds for record in plan.records))
-        for name, counts in self.steps.items():
-            counts.append(sum(r.steps for r in plan.records if r.stage.split(" ")[0] == name))
+    def count(self, plan: rw.Plan, seconds: float) -> None:
+        """Count a plan, and replay it."""
+        self.seconds.append(seconds)
         if plan.found:
             run = plan.replay(rw.DYNAMIC_COMPLIANT, tol=TENTH * plan.tol)
             self.solved, self.held = self.solved + 1, self.held + (run.outcome.code == rw.Code.GOAL)
@@ -111,6 +104,23 @@ class Tally:
     def mostly_fails(self) -> bool:
         """Whether the median of seconds is the limit's, not a plan's."""
         return 2 * self.solved <= len(self.seconds)
+
+
+@dataclass
+class Tally(Found):
+    """What came of the seeds of one task, planned in one way."""
+
+    searching: list[float] = field(default_factory=list)
+    steps: dict[str, list[int]] = field(default_factory=lambda: {rung.name: [] for rung in RUNGS})
+
+    def add(self, way: Way, scene: rw.Scene, seed: int, limit: float) -> None:
+        """Plan a task from a seed, and replay the plan."""
+        began = time.perf_counter()
+        plan = way.plan(scene, seed, limit)
+        self.count(plan, time.perf_counter() - began)
+        self.searching.append(sum(record.seconds for record in plan.records))
+        for name, counts in self.steps.items():
+            counts.append(sum(r.steps for r in plan.records if r.stage.split(" ")[0] == name))
 
 
 def reached(plan: rw.Plan) -> list[str]:
