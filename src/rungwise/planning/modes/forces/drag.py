@@ -12,15 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.forces.cones import (
-    PART,
-    SLIDE,
-    STICK,
-    Memory,
-    balances,
-    center,
-    contact_edges,
-)  # fmt: skip
+from rungwise.planning.modes.forces import cones
+from rungwise.planning.modes.forces.cones import PART, SLIDE, STICK, Memory
 
 CARRIES = 1e-3
 """Part of the weight above which a contact carries it."""
@@ -40,10 +33,10 @@ def support_by_contacts(mode: Ints, weight: Reals, memory: Memory) -> tuple[Real
     if not scale > 0.0 or not len(kept):
         return None
     holds = np.where(mode == PART, PART, STICK)
-    end = contact_edges(holds, np.zeros(len(weight)), 0.0, memory, 0)
-    if not balances(end, 0, weight, scale, none, memory):
+    end = cones.contact_edges(holds, np.zeros(len(weight)), 0.0, memory, 0)
+    if not cones.balances(end, 0, weight, scale, none, memory):
         return None
-    center(end, 0, scale, none, memory)
+    cones.center(end, 0, scale, none, memory)
     normal = np.zeros(len(mode))
     normal[kept] = memory.share[:end].reshape(len(kept), -1).sum(axis=1)
     slides = (mode == SLIDE) & (normal > CARRIES * scale)
@@ -61,7 +54,7 @@ def support_by_contacts(mode: Ints, weight: Reals, memory: Memory) -> tuple[Real
 def stands(mode: Ints, change: Reals, weight: Reals, wrench: Reals, memory: Memory) -> bool:
     """Whether contacts that a mode keeps (e,) balance weight and a push (k,), nearly, as the object changes
     (k,)."""
-    scale, end = float(np.linalg.norm(weight)), contact_edges(mode, change, 0.0, memory, 0)
-    balances(end, 0, weight + wrench, scale, np.zeros(0), memory)
+    scale, end = float(np.linalg.norm(weight)), cones.contact_edges(mode, change, 0.0, memory, 0)
+    cones.balances(end, 0, weight + wrench, scale, np.zeros(0), memory)
     left = memory.left[: len(weight)]
     return bool(np.linalg.norm(left) <= STANDS)
