@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
 
 import rungwise as rw
 from rungwise.deadline import NEVER
-from rungwise.fitting.certainty import Minimum, _bootstrap
+from rungwise.fitting.box import Box
+from rungwise.fitting.certainty import RARE, Minimum, _bootstrap, minimum
 from rungwise.fitting.loss import EXPECTED, bend, losses, typical_losses
 from rungwise.fitting.prepare import Options, prepare
-from rungwise.fitting.search import Best, merged, spread_apart, worse
+from rungwise.fitting.search import Best, best_of, merged, spread_apart, worse
 from rungwise.fitting.telling import telling
-from rungwise.fitting.weights import by_sensitivity, free_flight, unexplained
+from rungwise.fitting.weights import Weights, by_sensitivity, free_flight, unexplained
 
 from .drops import NAMES, PLACE, RATE, SCENE, SPEED, TURN, drops
 
@@ -95,6 +98,62 @@ def test_intervals_join_minima_that_trials_do_not_tell_apart(better: float, join
     assert low[0] == pytest.approx(0.2, abs=0.01)
     assert high[0] == pytest.approx(0.7 if joined else 0.2, abs=0.01)
     assert shares[1] == pytest.approx(0.5 if joined else 0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("clear", [1, 2])
+def test_a_minimum_that_few_trials_exclude_is_excluded(clear: int) -> None:
+    """One or two trials of twenty say clearly that a plain is wrong, and the others nothing: a draw that left
+    these out would find it as good, and its interval would be the whole box."""
+    rng = np.random.default_rng(0)
+    depth = np.zeros(20)
+    depth[:clear] = 150.0
+    first, second = rng.normal(size=(20, 1)), np.full((20, 1, 1), 1e3)
+    minima = [
+        Minimum(np.array([0.3]), np.zeros(20), first, second),
+        Minimum(np.array([1.0]), depth, 0.1 * first, np.full((20, 1, 1), 1e-4)),
+    ]
+    (low, high), shares = _bootstrap(minima, 0)
+    assert shares[1] < RARE
+    assert low[0] > 0.28 and high[0] < 0.32
+
+
+class _Rough:
+    """Runs whose errors are (unit - 0.5) / 0.3 + noise of trials, and waves of a part of the noise."""
+
+    def __init__(self, seed: int, wave: float) -> None:
+        rng = np.random.default_rng(seed)
+        self.noise, self.phase = rng.normal(size=60), rng.uniform(0.0, 2.0 * np.pi, 60)
+        self.wave, self.spans = wave, drops_of(60)
+
+    def __call__(self, points: np.ndarray) -> _Errors:
+        waves = self.wave * np.sin(points * 2.0 * np.pi / 0.006 + self.phase)
+        return _Errors(((points - 0.5) / 0.3 + self.noise + waves)[:, :, None, None])
+
+
+class _Errors(NamedTuple):
+    errors: np.ndarray
+
+
+class _Spans(NamedTuple):
+    trial: np.ndarray
+
+
+def drops_of(trials: int) -> _Spans:
+    return _Spans(np.arange(trials))
+
+
+@pytest.mark.parametrize("wave", [0.0, 0.3])
+def test_rough_runs_do_not_make_values_seem_sure(wave: float) -> None:
+    """Waves finer than the value is known give slopes without meaning; intervals hold the truth as often."""
+    box = Box(("a",), np.zeros(1), np.ones(1), np.zeros(1, bool))
+    weights = Weights(np.ones((60, 1, 1)), np.ones((60, 1, 1)), np.zeros(1), np.ones(60))
+    within = []
+    for seed in range(60):
+        runs: Any = _Rough(seed, wave)
+        best = best_of(runs, box, weights, np.linspace(0.3, 0.7, 801)[:, None])
+        (low, high), _ = _bootstrap([minimum(runs, box, weights, best)], 0)
+        within.append(low[0] <= 0.5 <= high[0])
+    assert np.mean(within) >= 0.9
 
 
 def test_derivatives_of_the_loss_are_its_differences() -> None:

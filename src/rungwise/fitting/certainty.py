@@ -1,11 +1,13 @@
 """How well motions determine parameters: intervals, correlations, and what they leave open.
 
-Trials, not frames, are drawn anew by the bootstrap: errors within a trial are not independent. In each draw
-the loss about each of its minima is a parabola by the derivatives there, as the score bootstrap has it (Kline
-and Santos 2012), and the values are those of the deepest one: so intervals join minima that the motions
-cannot tell apart, and a thousand draws cost no run. Intervals are those of percentiles, widened for few
-trials as Student's are (Hesterberg 2015). What is not determined is read from the curvature of the loss
-beside that of knowing no more than the box, and from slices through it.
+Trials, not frames, are weighted anew by the bootstrap: errors within a trial are not independent. Weights are
+those of Rubin's (1981), which leave no trial out: of twenty trials one or two alone may say that a minimum is
+the wrong one, and one draw in eight lacks both. In each draw the loss about each of its minima is a parabola
+by the derivatives there, as the score bootstrap has it (Kline and Santos 2012), and the values are those of
+the deepest one: intervals join minima that the motions cannot tell apart, and a thousand draws cost no run.
+Intervals are those of percentiles, widened for few trials as Student's are (Hesterberg 2015). What is not
+determined is read from the curvature of the loss beside that of knowing no more than the box, and from
+slices.
 """
 
 from __future__ import annotations
@@ -18,14 +20,17 @@ import numpy as np
 from rungwise.fitting.box import Box
 from rungwise.fitting.loss import by_trial, span_losses
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.search import BOX_PRECISION, SLICE, Best, derivatives, slices
+from rungwise.fitting.search import BOX_PRECISION, BROAD, NARROW, SLICE, Best, derivatives, slices
 from rungwise.fitting.weights import Weights
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 
 DRAWS = 2000
 CONFIDENCE = 0.95
 OPEN = 0.5
 """A parameter is open where its deviation is more than this part of that of a number drawn from its box."""
+WIDENED, WIDER, LEAST_BENT = 4, 1.3, 0.04
+"""Times that derivatives are found anew at most, by steps as wide as the values are sure; by what factor
+these are wider each time; and the least part to which second derivatives fall at each."""
 SHARED = 0.3
 """Parts of a unit direction below this are not named."""
 CLEARLY = 2.0
@@ -60,14 +65,16 @@ class Certainty(NamedTuple):
 
 
 def certainty(
-    predictor: Predictor, box: Box, weights: Weights, found: Sequence[Best], seed: int
+    predictor: Predictor, box: Box, weights: Weights, found: Sequence[Best], seed: int, some: Ints
 ) -> Certainty:  # fmt: skip
-    """What the motions say about the parameters, by the minima of the loss, the best first."""
+    """What the motions say about the parameters, by the minima of the loss, the best first; what is open, by
+    some of the spans."""
     minima = [minimum(predictor, box, weights, each) for each in found]
     total = minima[0].second.sum(axis=0)
     covariance = np.linalg.inv(total + BOX_PRECISION * np.eye(len(total)))
     drawn, shares = _bootstrap(minima, seed)
-    explains = _explains(predictor, box, weights, minima[0].unit)
+    fewer = predictor.on(predictor.spans.take(some))
+    explains = _explains(fewer, box, weights.take(some), minima[0].unit)
     open_ = _open(box, total, covariance, explains)
     low, high = box.values(np.clip(drawn, 0.0, 1.0))
     for k, name in enumerate(box.names):
@@ -80,10 +87,49 @@ def certainty(
 
 
 def minimum(predictor: Predictor, box: Box, weights: Weights, best: Best) -> Minimum:
-    """A minimum of the loss of trials."""
-    _, first, second = derivatives(predictor, box, weights, best)
+    """A minimum of the loss of trials.
+
+    Its derivatives are those of the loss itself, over steps as wide as the values are sure, once and twice:
+    where runs are rough, the slopes of errors are too great, the minimum lies in a dip, and by either of them
+    values would seem too sure."""
+    _, *bent = derivatives(predictor, box, weights, best)
     half = 0.5 * span_losses(best.whitened, weights.free)
-    return Minimum(best.unit, *(by_trial(predictor.spans.trial, each) for each in (half, first, second)))
+    found = Minimum(best.unit, *(by_trial(predictor.spans.trial, each) for each in (half, *bent)))
+    before = np.zeros(len(best.unit))
+    for _ in range(WIDENED):
+        steps = np.clip(_sure(found), NARROW, BROAD)
+        if (steps < WIDER * before).all():
+            break
+        before = steps
+        inside = (best.unit >= 2.0 * steps) & (best.unit <= 1.0 - 2.0 * steps)
+        if not inside.any():
+            break
+        near, far = (_halves(predictor, box, weights, best.unit, x * steps) for x in (1.0, 2.0))
+        curvature = (far.sum(axis=0) - near.sum(axis=0)).sum(axis=1) / (3.0 * steps**2)
+        own = np.maximum(np.diag(found.second.sum(axis=0)), 1e-6 * BOX_PRECISION)
+        less = inside & (curvature < own)
+        scale = np.where(less, np.sqrt(np.maximum(curvature / own, LEAST_BENT)), 1.0)
+        slope = ((near[0] - near[1]) + 2.0 * (far[0] - far[1])) / (10.0 * steps[:, None])
+        first = np.where(less, slope.T, found.first)
+        found = found._replace(first=first, second=found.second * np.outer(scale, scale))
+    return found
+
+
+def _halves(predictor: Predictor, box: Box, weights: Weights, unit: Reals, steps: Reals) -> Reals:
+    """Halves of the losses of trials (2, k, m) at steps (k,) up and down along each parameter."""
+    rows = np.vstack([unit + np.diag(steps), unit - np.diag(steps)])
+    errors = weights.whitened(predictor(box.values(np.clip(rows, 0.0, 1.0))).errors)
+    half = by_trial(predictor.spans.trial, 0.5 * span_losses(errors, weights.free).T).T
+    return np.asarray(half.reshape(2, len(unit), -1))
+
+
+def _sure(found: Minimum) -> Reals:
+    """Deviations (k,) of the values in the cube, by how much trials differ in their first derivatives."""
+    m, k = found.first.shape
+    inverse = np.linalg.inv(found.second.sum(axis=0) + BOX_PRECISION * np.eye(k))
+    apart = found.first - found.first.mean(axis=0)
+    spread = apart.T @ apart * (m / max(m - 1.0, 1.0))
+    return np.asarray(np.sqrt(np.diag(inverse @ spread @ inverse)))
 
 
 def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
@@ -93,12 +139,17 @@ def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
     m, k = minima[0].first.shape
     if m < 2:
         return np.array([np.zeros(k), np.ones(k)]), np.eye(len(minima))[0]
-    counts = np.random.default_rng(seed).multinomial(m, np.full(m, 1.0 / m), size=DRAWS).astype(float)
-    wider = np.sqrt(m / (m - 1.0)) * t.ppf(0.5 + CONFIDENCE / 2.0, m - 1) / norm.ppf(0.5 + CONFIDENCE / 2.0)
+    counts = m * np.random.default_rng(seed).dirichlet(np.ones(m), size=DRAWS)
+    wider = (
+        np.sqrt((m + 1.0) / (m - 1.0))
+        * t.ppf(0.5 + CONFIDENCE / 2.0, m - 1)
+        / norm.ppf(0.5 + CONFIDENCE / 2.0)
+    )
     places, depths = [], []
-    for each in minima:
+    for number, each in enumerate(minima):
         first = counts @ (each.first - each.first.mean(axis=0))
-        second = np.tensordot(counts, each.second, 1) + 1e-6 * BOX_PRECISION * np.eye(k)
+        known = BOX_PRECISION if number else 1e-6 * BOX_PRECISION  # the parabola of a plain reaches far
+        second = np.tensordot(counts, each.second, 1) + known * np.eye(k)
         step = np.linalg.solve(second, first[..., None])[..., 0]
         places.append(each.unit - wider * step)
         depths.append(counts @ each.half - 0.5 * (first * step).sum(axis=1))

@@ -33,6 +33,8 @@ SETTLED, LESS = 1e-4, 5e-2
 """A search ends where its step is less than this part of the box, or the loss falls by less than this."""
 DAMPING = (0.0, 0.2, 2.0, 20.0)
 """Parts of the second derivatives that are added to them in the steps that are tried."""
+FARTHER = (2.0, 4.0)
+"""Multiples of the undamped step that are tried, too: derivatives of rough runs are too great."""
 VALLEY = 5.0
 """Minima within so many deviations are one: a flat direction has ends anywhere, and a rough one several."""
 CHANCE = 4.0
@@ -133,10 +135,11 @@ def _steps(unit: Reals, first: Reals, second: Reals) -> Reals:
     own = second[np.ix_(free, free)]
     if not free.any():
         return np.zeros((0, len(unit)))
-    found = np.tile(unit, (len(DAMPING), 1))
+    found = np.tile(unit, (len(DAMPING) + len(FARTHER), 1))
     for i, damping in enumerate(DAMPING):
         bent = own + np.diag(damping * np.diag(own) + 1e-6 * BOX_PRECISION)
         found[i, free] -= np.linalg.solve(bent, first[free])
+    found[len(DAMPING) :] += np.array(FARTHER)[:, None] * (found[DAMPING.index(0.0)] - unit)
     return np.asarray(np.unique(np.clip(found, 0.0, 1.0), axis=0))
 
 

@@ -34,9 +34,9 @@ from rungwise.fitting.telling import telling
 from rungwise.fitting.weights import NORMAL_MEDIAN, Weights, by_sensitivity, free_flight, unexplained
 from rungwise.kernel import Ints, Reals
 
-FEW, MANY = 60, 200
-"""Spans on which the whole box is sampled, and on which least squares works at most: more of them tell little
-more of the values than these."""
+FEW, MANY, MOST = 60, 120, 500
+"""Spans on which the whole box is sampled, on which least squares works, and from which values and intervals
+come in the end, at most."""
 WEIGHED = 3
 """Times that starts' sensitivities are found anew, at the values found with those before."""
 STEPS = 2
@@ -50,6 +50,9 @@ COARSE, FINER = 0.25, 0.1
 a part `COARSE` of their deviation; then that is taken."""
 ALL = 1.5
 """And where so many deviations of it are the same in all trials: runs that scatter change with any step."""
+FIRST, KNOWN = 2, 0.02
+"""Rounds of a descent after which it ends where it is worse than another by more than chance, or within this
+part of the box from a minimum that is known."""
 OTHERS = 2
 """Other minima that are followed at most."""
 INTERRUPTED = "the search was interrupted"
@@ -89,8 +92,9 @@ class Search:
                 self._settle(refine=True)
                 self._look_along()
                 self._others()
+                self._last()
                 self._enter("intervals were found")
-                sure = certainty(self._part(MANY), self._box, self._weights, self._minima, self._seed)
+                sure = self._certainty()
             self._enter("errors were looked at")
             told = self._told()
         except (TimeOver, KeyboardInterrupt) as stop:
@@ -133,17 +137,29 @@ class Search:
         self._enter("the search had ended")
         for number, i in enumerate(order):
             self._tell(f"descent {number + 1} of {len(order)}", 0)
-            self._minima.append(descend(few, box, weights, places[i], told=self._better(weights)))
+            self._descend_apart(few, weights, places[i])
         best = min(self._minima, key=lambda each: each.loss)
         self._minima = merged(self._minima, derivatives(few, box, weights, best)[2].sum(axis=0))
 
-    def _settle(self, refine: bool = False) -> None:
+    def _descend_apart(self, few: Predictor, weights: Weights, unit: Reals) -> None:
+        """Descend from a sample, as long as it leads to no minimum that is known, or to a worse one."""
+        told = self._better(weights)
+        if not self._minima:
+            self._minima.append(descend(few, self._box, weights, unit, told=told))
+            return
+        best = min(self._minima, key=lambda each: each.loss)
+        found = descend(few, self._box, weights, unit, FIRST, told)
+        near = min(float(np.abs(found.unit - each.unit).max()) for each in self._minima)
+        if near > KNOWN and not worse(found, best, weights.free):
+            found = descend(few, self._box, weights, found.unit, told=told)
+        self._minima.append(found)
+
+    def _settle(self, refine: bool = False, spans: int = MANY, left: int = WEIGHED) -> None:
         """Least squares on many spans, with weights by the sensitivities of runs at the best so far."""
         assert self._state is not None
-        left = WEIGHED
         while left > 0:
-            self._tell(f"least squares {WEIGHED - left + 1} of {WEIGHED}", 0)
-            unit, many = self._state.best.unit, self._part(MANY)
+            self._tell(f"least squares on {spans} spans", 0)
+            unit, many = self._state.best.unit, self._part(spans)
             point = self._box.values(unit)
             errors = many(point[None]).errors
             weights = by_sensitivity(self._layout, many, point, errors[0])
@@ -205,6 +221,27 @@ class Search:
         kept = merged(found, curvature)
         self._minima = [each for each in kept if not worse(each, kept[0], weights.free)]
 
+    def _last(self) -> None:
+        """The values, and other minima, by as many spans as there may be, by the weights of the best."""
+        if len(self._rows) <= MANY:
+            return
+        self._settle(spans=self._most, left=1)
+        assert self._state is not None
+        (best, weights), most, box = self._state, self._part(self._most), self._box
+        curvature, found = derivatives(most, box, weights, best)[2].sum(axis=0), [best]
+        for each in self._minima[1:]:
+            here = best_of(most, box, weights, each.unit[None])
+            if not worse(here, best, weights.free):
+                found.append(descend(most, box, weights, each.unit, 1, self._better(weights)))
+        kept = merged([self._state.best, *found], curvature)
+        self._minima = [each for each in kept if not worse(each, kept[0], weights.free)]
+
+    def _certainty(self) -> Certainty:
+        """How sure the values are, by all the spans there may be, and what is open by many of them."""
+        all_, many = (np.sort(self._rows[:most]) for most in (self._most, MANY))
+        some = np.searchsorted(all_, many)
+        return certainty(self._part(self._most), self._box, self._weights, self._minima, self._seed, some)
+
     def _better(self, weights: Weights) -> Callable[[Best], None]:
         """Keeps what is better than the best so far."""
 
@@ -227,6 +264,11 @@ class Search:
     def _tell(self, what: str, needed: int) -> None:
         if self._on_progress is not None:
             self._on_progress(what, int(self._whole.made[0]), int(self._whole.made[0]) + needed)
+
+    @property
+    def _most(self) -> int:
+        """The spans of the end: as many as there may be where that is more than before."""
+        return MOST if len(self._rows) > MANY else MANY
 
     @property
     def _weights(self) -> Weights:

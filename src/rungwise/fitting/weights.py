@@ -18,7 +18,7 @@ import numpy as np
 
 from rungwise.fitting.measured.layout import Layout
 from rungwise.fitting.predict import Predictor
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 
 NORMAL_MEDIAN = 0.6745
 """Median of the absolute value of a standard normal number."""
@@ -33,6 +33,10 @@ class Weights(NamedTuple):
     spread: Reals
     extra: Reals
     free: Reals
+
+    def take(self, rows: Ints) -> Weights:
+        """Those of some of the spans."""
+        return Weights(self.inverse[rows], self.spread[rows], self.extra, self.free[rows])
 
     def whitened(self, errors: Reals) -> Reals:
         """Whitened errors (p, s, d) of errors (p, s, g, e)."""
