@@ -128,6 +128,18 @@ def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
     assert lines[8].split()[:2] == ["22", "dynamic-rigid"]
 
 
+@pytest.mark.few(2)
+@pytest.mark.parametrize("name", ["card", "book", "corner_pivot", "corridor", "planar_hand", "floor_push"])
+def test_the_benchmark_of_feedback_varies_starts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies are apart at all starts, and the object lies elsewhere."""
+    scene = script("benchmarks/feedback.py", monkeypatch).varied(name)
+    errors = [each for each in scene.file.task.uncertain if each.startswith("error_")]
+    low = {each: scene.file.task.uncertain[each].uniform[0] for each in errors}
+    start, other = rw.State.of(scene), rw.State.of(scene, parameters=low)
+    assert errors and not rw.geometry(scene, other, low).collides[0]
+    assert abs(start.q - other.q).max() == pytest.approx(max(abs(x) for x in low.values()), rel=0.6)
+
+
 def test_places_of_the_pin_of_the_part_feeder(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:
     example = script("examples/part_feeder.py", monkeypatch)
     assert example.main(["--samples", "4", "--grid", "1", "--png", str(tmp_path / "map.png")]) == 0
@@ -489,6 +501,12 @@ def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(monkeypatch: Pa
     found = json.loads(capsys.readouterr().out)
     assert {row["outcome"] for row in found["pushes"] if row["led"]} == {"goal"}
     assert all(abs(row["turned"]) > 1.0 for row in found["pushes"] if not row["led"])
+
+
+@pytest.mark.long
+def test_a_policy_leads_mujoco_to_the_goal(monkeypatch: Patch, capsys: Printed) -> None:
+    script("examples/policy_in_mujoco.py", monkeypatch).main()
+    assert "with policy: goal" in capsys.readouterr().out
 
 
 def test_fingers_in_space_hold_on_rungs_with_forces(monkeypatch: Patch, capsys: Printed) -> None:

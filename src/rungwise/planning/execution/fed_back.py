@@ -35,7 +35,7 @@ class FedBack:
     ) -> None:
         self._plan, self._model, self._tol, self._noise = plan, model, tol, noise
         self._time = Budget() if time is None else time
-        self._policy = Policy(plan, average=AVERAGED if noise else 1)
+        self.policy = Policy(plan, average=AVERAGED if noise else 1)
         self._span = task_of(plan.scene, plan.parameters).span
         weights = world_of(plan.scene).at(plan.parameters).moved.weights
         self._spread = np.where(weights > 0.0, noise / np.where(weights > 0.0, weights, 1.0), 0.0)
@@ -45,7 +45,7 @@ class FedBack:
     ) -> tuple[Code, tuple[Segment, ...]]:
         """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
         TimeOver."""
-        policy, rng = self._policy, np.random.default_rng(seed)
+        policy, rng = self.policy, np.random.default_rng(seed)
         policy.restart()
         simulation = simulation_of(
             self._plan.scene, self._model, parameters=parameters, tol=self._tol, inputs=[],
