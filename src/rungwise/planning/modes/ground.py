@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -288,6 +288,11 @@ class Ground:
     def strongest(self) -> Reals:
         """The force with which each finger presses at most (f,)."""
         return np.array([finger.press[1] for finger in self.fingers])
+
+    @cached_property
+    def stronger(self) -> Ground:
+        """The same with fingers of any strength."""
+        return replace(self, fingers=tuple(replace(each, press=(0.0, math.inf)) for each in self.fingers))
 
     @cached_property
     def is_wide(self) -> bool:

@@ -51,6 +51,8 @@ GUIDES, COURSES, FOLLOWED = 8, 3, 4
 shortest are followed, and in how many trees each, in turn."""
 GOAL_PLACES, WAYS = "places at the goal", "ways of objects alone"
 """By which these are kept for all stages."""
+NO_WAY = "no way of the object alone past what stands around it"
+"""Why no course was found."""
 IDLE = 8
 """Turns in a row in which nothing was run after which no more follow."""
 
@@ -329,6 +331,8 @@ class ModePlanner:
                 found.append((long, k, way))
             if way is not None and not len(way):
                 break
+        if not found:
+            work.failures[NO_WAY] += GUIDES
         return [way for _, _, way in sorted(found)[:COURSES]] or [np.zeros((0, len(q)))]
 
     def _reached(self, ground: Ground) -> Callable[[Reals], bool]:

@@ -50,6 +50,7 @@ OPPOSITE = 0.5
 REGRASPS = 0.3
 """How often fingers change places where they need not."""
 NO_MODE, NO_BALANCE, NO_PLACE = "no mode", "no balance", "no place for fingers"
+TOO_WEAK = "fingers press too weakly"
 """Why nodes were not extended."""
 
 
@@ -214,7 +215,7 @@ def _grasps(
     if may is None or (edges is not None and not may(edges.reshape(-1, count), False)):
         failed[NO_BALANCE] += not kept
         return
-    found, fits, placed = 0, carried(ground, seen) is not None, 0
+    found, fits, placed, fitting = 0, carried(ground, seen) is not None, 0, None
     alone = rng.permutation(2 * PAIRS) if (ground.own >= 0).sum() == 1 else None
     for k in range(TRIES if alone is None else 2 * PAIRS):
         look(1)
@@ -234,10 +235,16 @@ def _grasps(
         if begun is not None and _makes(ground, begun, own, mode, want, press):
             yield begun, own, changes
             found += 1
+        elif begun is not None:
+            fitting = begun, own
         if found >= ENOUGH or placed >= PLACED:
-            return
-    if not found and not kept:
-        failed[NO_PLACE if placed else NO_BALANCE] += 1
+            break
+    if found or kept:
+        return
+    if fitting is not None and _makes(ground.stronger, *fitting, mode, want, press):
+        failed[TOO_WEAK] += 1
+    else:
+        failed[NO_PLACE if placed and fitting is None else NO_BALANCE] += 1
 
 
 def _makes(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, press: float) -> bool:
