@@ -39,12 +39,12 @@ def sim(
         arg.path("--inputs", "YAML file: a list of segments for the scene's inputs over time."),
     ] = None,
     limit: arg.LimitOption = None,
-    out: Annotated[Path | None, arg.path("--out", "Folder for trajectory and summary.")] = None,
-    force: arg.ForceOption = False,
     save_hard: Annotated[
         Path | None,
         arg.path("--save-hard", "Folder for the problems of hard steps, at most 101 (FCLIB)."),
     ] = None,
+    out: Annotated[Path | None, arg.path("--out", "Folder for trajectory and summary.")] = None,
+    force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:
     """Run a scene on one rung to its outcome.
