@@ -10,6 +10,7 @@ import shutil
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -108,3 +109,8 @@ def remove(path: Path) -> None:
     """Remove a file or a folder, if it is there and may be removed."""
     with suppress(OSError):
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def installed() -> str:
+    """The version of the package that runs, asked by name: the package's stub imports this file."""
+    return str(import_module("rungwise").__version__)

@@ -7,9 +7,8 @@ import json
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +33,7 @@ from rungwise.scene.read import load
 from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State, digest
-from rungwise.stored import whole
+from rungwise.stored import installed, whole
 from rungwise.world.find import world_of
 from rungwise.world.margins import geometry
 from rungwise.world.run import simulate
@@ -397,19 +396,3 @@ def _from_values(scene: AnyScene, data: dict[str, Any]) -> Plan:
         checks=tuple(Check(**values) for values in data["checks"]),
         reason=data["reason"], version=data["version"],
     )  # fmt: skip
-
-
-def with_record(plan: Plan, record: Record) -> Plan:
-    """The plan with what came of a stage; what the same stage took before is added to it."""
-    places = [each.stage for each in plan.records]
-    if record.stage not in places:
-        return replace(plan, records=(*plan.records, record))
-    records, at = list(plan.records), places.index(record.stage)
-    steps, seconds = record.steps + records[at].steps, record.seconds + records[at].seconds
-    records[at] = replace(record, steps=steps, seconds=seconds)
-    return replace(plan, records=tuple(records))
-
-
-def installed() -> str:
-    """The version of the package that runs, asked by name: the package's stub imports this file."""
-    return str(import_module("rungwise").__version__)

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 """Roles of bodies."""
 OUTLINES, SOLIDS, OTHER_SHAPES = "outlines", "solids", "other"
-"""What bodies of a scene are, to what draws them and leads robots about them: outlines in the plane, solids
-in space, or what only the scene's world knows."""
+"""What bodies are: outlines in the plane, solids in space, or what only the scene's world knows."""
 Told = Callable[[int], None]
 """Called with the number of runs done, about ten times a second; what it raises ends the runs."""
 
@@ -134,9 +133,8 @@ class Moved(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What acts on an object besides contacts, within its motions: the size of gravity and of given forces,
-    the obstacles that it may touch, on which these may press it, and the greatest friction force of its
-    support."""
+    """What acts on an object besides contacts, within its motions: the size of gravity and given forces, the
+    obstacles that it may touch and be pressed on, and the greatest friction force of its support."""
 
     force: float
     obstacles: tuple[str, ...]
@@ -202,8 +200,7 @@ class Tool(Protocol):
         """Places (n_q,) with the middle of the body at a point (3,), as near as joints bring it."""
 
     def beside(self, q: Reals, target: int, point: Reals, away: Reals) -> Reals | None:
-        """Places with the body at its clearance from an object, on the line through a point along `away`
-        (3,), as near to that as joints bring it; None where it does not come to that distance."""
+        """Places at its clearance from an object, near a line through a point along `away` (3,), or None."""
 
     def drawn(self, q: Reals, number: int) -> Reals:
         """Places with the joints as they are, or, for other numbers, drawn in their ranges."""
@@ -327,8 +324,7 @@ class World(Exported, Protocol):
     def configurations(
         self, parameters: Mapping[str, float], size: float, without: str = ""
     ) -> Configurations:
-        """Where bodies may be placed, as if the body `without` were not there; size: how far the largest
-        object reaches."""
+        """Where bodies may be placed, the body `without` left out; size: reach of the largest object."""
 
     def surroundings(self, parameters: Mapping[str, float]) -> Surroundings | None:
         """What touches what at these parameters; None where that is not known of scenes of this world."""

@@ -25,7 +25,7 @@ from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
 from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.motion.propagate import Budget, Stage
-from rungwise.planning.plan import HELD, NOTHING, Plan, Record, installed, with_record
+from rungwise.planning.plan import HELD, NOTHING, Plan, Record
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid
@@ -35,6 +35,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite
 from rungwise.scene.read import load
 from rungwise.simulation.options import count
+from rungwise.stored import installed
 from rungwise.world.carriers import TaskError
 
 TENTH = 0.1
@@ -261,10 +262,10 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
     why = _left_out(work, stage)
     if why:
         reason = "" if before.found else f"{stage}: {why}"
-        return replace(with_record(before, Record(str(stage), why, 0, 0.0)), reason=reason)
+        return replace(_with_record(before, Record(str(stage), why, 0, 0.0)), reason=reason)
     if not stage.model.moves:
         placed = place(work)
-        found = with_record(before, Record(str(stage), placed.how, 0, clock.perf_counter() - began))
+        found = _with_record(before, Record(str(stage), placed.how, 0, clock.perf_counter() - began))
         if not len(placed.way):
             return replace(found, reason=f"{stage}: {placed.how}")
         return put(found, stage, placed)
@@ -274,7 +275,7 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
         lifted, how = Lifted(None, NOTHING)
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     moves = 0 if lifted is None else len(lifted.vectors)
-    found = with_record(before, Record(str(stage), how, steps, seconds, moves))
+    found = _with_record(before, Record(str(stage), how, steps, seconds, moves))
     if before.found and (how != HELD or lifted is None or drifts(work, before, lifted.course)):
         found = replace(found, told=(*found.told, *diagnoses(work, before, stage, lifted is not None)))
     if lifted is None:
@@ -373,3 +374,14 @@ def _is_confirmed(work: Work, plan: Plan) -> bool:
 def _robust(work: Work, plan: Plan, rate: float, samples: int, tell: Callable[[str], None]) -> Plan:
     """The plan in the mode in which it succeeds at a rate."""
     return made_robust(plan, rate, samples, work.threads, tell, work.budget)
+
+
+def _with_record(plan: Plan, record: Record) -> Plan:
+    """The plan with what came of a stage; what the same stage took before is added to it."""
+    places = [each.stage for each in plan.records]
+    if record.stage not in places:
+        return replace(plan, records=(*plan.records, record))
+    records, at = list(plan.records), places.index(record.stage)
+    steps, seconds = record.steps + records[at].steps, record.seconds + records[at].seconds
+    records[at] = replace(record, steps=steps, seconds=seconds)
+    return replace(plan, records=tuple(records))

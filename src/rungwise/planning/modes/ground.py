@@ -96,8 +96,7 @@ class Ground:
         cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int,
         last: int | None = None, aside: Collection[int] = (),
     ) -> Ground:  # fmt: skip
-        """The object with this number, which is to push the last one, if one is given, and to push other
-        objects aside."""
+        """The object with this number, which is to push the last one, if any, and others aside."""
         names, contacts = list(task.scene.template.bodies), task.scene.template.contacts
         both = (body,) if last is None else (body, last)
         columns = np.concatenate([np.flatnonzero(around.owners == each) for each in both])

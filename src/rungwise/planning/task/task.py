@@ -33,11 +33,9 @@ ROUNDING = 1e-9
 COASTS = 0.01
 """Part of their size by which objects may coast in a task that counts as slow."""
 STILL, WAITS = 1e-2, 10.0
-"""Part of the robots' speed below which objects count as at rest, and how many of the longest pushes robots
-wait for them at most."""
+"""Part of the robots' speed below which objects rest, and how many longest pushes robots wait for them."""
 PUSHES, LEAN = (0.05, 5.0), math.pi / 4.0
-"""Lengths of pushes over the objects' size, and how far they lean, of robots that a task names as fingers
-alone."""
+"""Lengths of pushes over the objects' size, and how far they lean, of robots named as fingers alone."""
 DRAWS = 1000
 """Most draws for each instance wanted."""
 
@@ -237,8 +235,7 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
 
 
 def _carrier(here: Instance, name: str, numbers: Mapping[str, float]) -> Carrier:
-    """A robot to lead through free space. Raises TaskError for one that inputs do not lead, and for arms in
-    the plane."""
+    """A robot to lead through free space. Raises TaskError where inputs lead none, and for planar arms."""
     path = f"task.transit.{name}"
     own = here.driven(name, path)
     if own.links:
