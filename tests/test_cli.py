@@ -259,6 +259,17 @@ def test_help_is_no_error(rungwise: Command) -> None:
         assert answer.code == 0 and answer.err == "" and "Usage" in answer.out
 
 
+@pytest.mark.parametrize(
+    ("code", "unwanted"),
+    [("import rungwise.cli", {"numba", "scipy", "pydantic"}), ("rw.load('two_finger')", {"scipy.optimize"})],
+)
+def test_what_a_command_does_not_need_is_not_imported(code: str, unwanted: set[str]) -> None:
+    """Help, completion and the first run would wait for it."""
+    told = f"import sys, rungwise as rw; {code}; print(*sys.modules)"
+    found = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout
+    assert not unwanted & set(found.split())
+
+
 def test_wrong_files(rungwise: Command, tmp_path: Path, scene_file: Callable[..., Path]) -> None:
     for content, words in (
         (b"\x00\xff", "cannot be read"),

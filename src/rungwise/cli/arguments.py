@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rungwise.cli.terminal import refuse
-from rungwise.scene.contract import AnyScene
 from rungwise.stored import remove
 
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
+    from rungwise.scene.contract import AnyScene
 
 
 def numeric(name: str, about: str, metavar: str = "NUMBER") -> Any:

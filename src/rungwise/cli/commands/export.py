@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rungwise.cli import arguments as arg
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json, writable_to
-from rungwise.simulation.any_run import AnyRun
+
+if TYPE_CHECKING:
+    from rungwise.simulation.any_run import AnyRun
 
 ENDINGS = {".csv": "a table of joints", ".json": "a message of joints", ".xml": "MJCF"}
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rungwise.cli import arguments as arg
 from rungwise.cli import progress
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json, writable_to
-from rungwise.simulation.any_run import AnyRun
+
+if TYPE_CHECKING:
+    from rungwise.simulation.any_run import AnyRun
 
 
 def sim(

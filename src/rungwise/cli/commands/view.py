@@ -18,12 +18,12 @@ from rungwise.cli.arguments import (
     rung,
 )
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
-from rungwise.simulation.any_run import AnyRun
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rungwise.deadline import Deadline
+    from rungwise.simulation.any_run import AnyRun
 
 
 def view(

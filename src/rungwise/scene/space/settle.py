@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
 from rungwise.scene.space.model import of_unit_mass
@@ -264,6 +262,9 @@ class _Demands(NamedTuple):
 
 def _nearest(metric: Reals, demands: _Demands, gone: Reals) -> Reals:
     """The step d (n,) with the least |d + gone| in the metric that meets the demands, as far as can be."""
+    from scipy.linalg import solve_triangular  # takes half a second, and few scenes settle
+    from scipy.optimize import nnls
+
     rows, least, equal = demands[:3]
     root = np.linalg.cholesky(metric + 1e-12 * np.trace(metric) / len(metric) * np.eye(len(metric)))
     rows, least = np.vstack([rows, -rows[equal]]), np.concatenate([least, -least[equal]])
