@@ -1,0 +1,53 @@
+"""Motions that the scene's own parameters explain are not outside, and those of another scene are."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+
+from .drops import SCENE, drops
+
+
+def longer(scene: dict[str, Any]) -> None:
+    scene["bodies"]["square"]["shape"] = {"kind": "box", "width": 0.05, "height": 0.07}
+
+
+def heavier_rim(scene: dict[str, Any]) -> None:
+    scene["bodies"]["square"]["inertia"] = 1.3 * 0.06**2 / 6.0
+
+
+def tilted(scene: dict[str, Any]) -> None:
+    scene["parameters"]["tilt"]["default"] = np.deg2rad(2.0)
+
+
+WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], float | None]] = {
+    "shape": (longer, None), "tilt": (tilted, None), "inertia": (heavier_rim, np.inf),
+}  # fmt: skip
+"""What differs from the scene that is fitted, and the span in which that shows."""
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(10))
+def test_motions_of_the_scene_itself_are_explained(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mu, e = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.7))
+    found = rw.fit(SCENE, "dynamic-rigid", drops(8, 25, seed=seed, mu=mu, e=e), ("mu", "e"), threads=1)
+    assert not found.outside and found.verdict.startswith("explained")
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("kind", WRONG)
+def test_motions_of_another_scene_are_outside(kind: str, seed: int) -> None:
+    change, span = WRONG[kind]
+    scene = copy.deepcopy(SCENE)
+    change(scene)
+    motions = drops(8, 25, seed=seed, scene=scene)
+    found = rw.fit(SCENE, "dynamic-rigid", motions, ("mu", "e"), span=span, threads=1)
+    assert found.outside and "no parameters of mu, e explain" in found.verdict
