@@ -12,12 +12,12 @@ from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
-from rungwise.planning.modes.goals import inner_goals
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
+from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import Found, Work
 from rungwise.planning.search.search import search, search_once
 from rungwise.scene.language.lasting import names_in
@@ -49,7 +49,7 @@ searches that run little. Chosen by trial, to a factor of three of the time that
 GUIDES, COURSES, FOLLOWED = 8, 3, 4
 """How often the way of an object alone is sought, to one place at the goal after the other; how many of the
 shortest are followed, and in how many trees each, in turn."""
-GOAL_PLACES, WAYS = "places at the goal", "ways of objects alone"
+WAYS = "ways of objects alone"
 """By which these are kept for all stages."""
 NO_WAY = "no way of the object alone past what stands around it"
 """Why no course was found."""
@@ -65,16 +65,8 @@ def suits(work: Work) -> bool:
         (task.is_led or (bool(task.carriers) and world_of(task.scene).shapes == OUTLINES))
         and bool(fingers_of(task))
         and placed_part(task.scene.file.goal or "") is not None
-        and len(_goals(work)) > 0
+        and len(goals_of(work)) > 0
     )
-
-
-def _goals(work: Work) -> Reals:
-    """Places (g, n) at the goal, sought once."""
-    if GOAL_PLACES not in work.kept:
-        work.kept[GOAL_PLACES] = inner_goals(work)
-    found: Reals = work.kept[GOAL_PLACES]
-    return found
 
 
 def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
@@ -124,7 +116,7 @@ class ModePlanner:
         self.scene = Scene(self.work)
         self.nodes = [self.scene.root(levels)]
         self.turn = 0
-        self._places = _goals(work)
+        self._places = goals_of(work)
         self._courses: dict[tuple[int, int, bytes], list[Reals]] = self.work.kept.setdefault(WAYS, {})
 
     @property

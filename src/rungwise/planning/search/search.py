@@ -14,9 +14,11 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
+from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.shooting import UNFIT, Search, run_moves, shoot
+from rungwise.planning.search.steering import Steering
 from rungwise.planning.search.tree import grow
 
 DEPTHS, ROUNDS, IDLE = 8, 8, 8
@@ -29,6 +31,8 @@ COMPOSED, VARIED, POLISH = 48, 3, 0.05
 """Plans composed of pushes that were seen that are run; of how many the last push is varied, and how far."""
 LAST = Search(population=32, generations=5)
 """How the last push is varied."""
+STEERING, MANY = 40, 6
+"""Rounds of a tree that steers; and how many inputs make it come before trees that draw all of them."""
 LAID = 4
 """Plans of one search that are laid out at most."""
 
@@ -131,9 +135,13 @@ def _goes_on(course: Course, count: int) -> bool:
 
 
 def _plans(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest: int) -> Iterator[Reals]:
-    """Plans (k, d) that come to their aim where robots are placed by hand: by a tree; by `PLANNERS`; and by
-    shooting about the tree's best ways, for each number of moves that nearly lack least."""
+    """Plans (k, d) that come to their aim where robots are placed by hand: by a tree; by `PLANNERS`; by
+    steering, first of all where there are many inputs; and by shooting about the tree's best ways, for each
+    number of moves that nearly lack least."""
     pushes = work.pushes(predictor.stage)
+    steered = _steered(work, predictor, begun, aim)
+    if len(work.task.free) >= MANY:
+        yield from steered
     tree, way = grow(
         work.moves, predictor, begun.places, begun.levels, aim, deepest, ROUNDS, work.rng, pushes.note
     )
@@ -142,6 +150,7 @@ def _plans(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest: in
     _note(work, aim, tree.lack, tree.q)
     for planner in PLANNERS:
         yield from planner(work, predictor, begun, aim, deepest)
+    yield from steered
     for count in range(1, deepest + 1):
         if tree.least(count) <= PROMISING * float(tree.lack.min()) and work.budget.left:
             seeds = tree.ways(count, WAYS)
@@ -159,6 +168,29 @@ def _composed(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest:
         )
         if len(seeds) and work.budget.left:
             yield from _finished(work, predictor, begun, aim, seeds)
+
+
+def _steered(work: Work, predictor: Predictor, begun: Begun, aim: Aim) -> Iterator[Reals]:
+    """Plans that steer objects to places at the goal by the inputs that no carrier uses."""
+    if work.task.carriers or aim.partial or not len(goals_of(work)):
+        return
+    rng = np.random.default_rng([work.seed, work.trees[str(predictor.stage)]])
+    steering = Steering(work.task, goals_of(work))
+    tree, way = grow(
+        work.moves,
+        predictor,
+        begun.places,
+        begun.levels,
+        aim,
+        work.task.moves[1],
+        STEERING,
+        rng,
+        None,
+        steering,
+    )
+    _note(work, aim, tree.lack, tree.q)
+    if len(way):
+        yield way
 
 
 def _finished(work: Work, predictor: Predictor, begun: Begun, aim: Aim, seeds: Reals) -> Iterator[Reals]:

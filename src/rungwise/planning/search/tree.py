@@ -82,15 +82,20 @@ class Tree:
         return float(self.lack[self.depth == depth].min(initial=np.inf))
 
 
+Draw: TypeAlias = "Callable[[Moves, Tree, int, np.random.Generator], tuple[Ints, Reals]]"
+"""Gives nodes (m,) to go on from, of those with fewer moves than the most, and moves (m, d)."""
+
+
 def grow(
     moves: Moves, predictor: Predictor, start: Places, before: Reals, aim: Aim, deepest: int, rounds: int,
-    rng: np.random.Generator, note: Note | None = None,
+    rng: np.random.Generator, note: Note | None = None, draw: Draw | None = None,
 ) -> tuple[Tree, Reals]:  # fmt: skip
     """A tree from one start, after inputs `before` (u,), with plans of at most `deepest` moves; and the plan
-    (k, d) that came to its aim first, (0, d) if none did. `note` is told of all moves that were made."""
+    (k, d) that came to its aim first, (0, d) if none did. `note` is told of all moves that were made; `draw`
+    says which moves are run, and from which nodes, where they are not drawn as the module says."""
     tree = _root(moves, start, before, aim)
     for _ in range(rounds):
-        parents, vectors = _draw(moves, tree, deepest, rng)
+        parents, vectors = (draw or _draw)(moves, tree, deepest, rng)
         vectors = aim.turned(moves, vectors)
         first = len(tree.parent)
         # The root may have no memory: moves that place nothing by hand go on from the memories of the others.

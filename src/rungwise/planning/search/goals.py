@@ -1,4 +1,4 @@
-"""Places of objects at the goal, towards which trees of contact modes grow."""
+"""Places of objects at the goal, towards which trees of contact modes grow, and moves steer."""
 
 from __future__ import annotations
 
@@ -20,6 +20,16 @@ STARTS, ROOM = 8, 1.0
 parts of the size and in radians."""
 STEPS = 400
 """Most places that are asked for, from each."""
+GOAL_PLACES = "places at the goal"
+"""By which these are kept for all stages."""
+
+
+def goals_of(work: Work) -> Reals:
+    """Places (g, n) at the goal, sought once (see `inner_goals`)."""
+    if GOAL_PLACES not in work.kept:
+        work.kept[GOAL_PLACES] = inner_goals(work)
+    found: Reals = work.kept[GOAL_PLACES]
+    return found
 
 
 def inner_goals(work: Work) -> Reals:
