@@ -49,18 +49,21 @@ def drawn(plan: rw.Plan, number: int) -> dict[str, float]:
 @pytest.mark.parametrize("number", range(8))
 @pytest.mark.parametrize("name", ["card", "book"])
 def test_legs_are_proposed_anew_where_the_object_leaves_the_way(name: str, number: int) -> None:
-    """Worlds of other friction, mass and place come to the goal, and what was executed comes there again, at
-    its accuracy or, where a run of that chatters, at a tenth of it."""
+    """Worlds of other friction, mass and place come to the goal, and what was executed comes there again at a
+    tenth of its error, as plans are confirmed, or finer where that run does not converge: its own error
+    decides nothing where a run chatters."""
     plan = planned(name)
     assert plan.stage is not None
     world = drawn(plan, number)
     outcome, executed = Replanner(plan, plan.stage, plan.tol).execute(world, {}, number)
     assert outcome == rw.Code.GOAL
-    again = (
-        rw.simulate(plan.scene, plan.stage.model, parameters=world, inputs=list(executed), tol=tol)
-        for tol in (plan.tol, 0.1 * plan.tol)
-    )
-    assert any(run.outcome == rw.Outcome.GOAL for run in again)
+    for part in (0.1, 0.05, 0.03):
+        again = rw.simulate(
+            plan.scene, plan.stage.model, parameters=world, inputs=list(executed), tol=part * plan.tol
+        )
+        if again.outcome != rw.Outcome.NOT_CONVERGED:
+            break
+    assert again.outcome == rw.Outcome.GOAL
 
 
 def test_a_plan_is_run_as_it_is_where_nothing_differs() -> None:
