@@ -11,7 +11,7 @@ import rungwise as rw
 from rungwise.planning.execution.policy import FOLLOWING, LOST, RE_PROPOSING, adequate
 from rungwise.planning.execution.timed import Timed
 from rungwise.planning.motion.propagate import Stage
-from rungwise.world.apart import apart
+from rungwise.world.carriers import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
 
 PLANS = {

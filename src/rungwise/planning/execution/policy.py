@@ -32,8 +32,7 @@ from rungwise.planning.task.task import task_of
 from rungwise.simulation.live.observation import Observation
 from rungwise.simulation.options import count, moving_rung, positive
 from rungwise.simulation.state import State, StateError
-from rungwise.world.apart import apart
-from rungwise.world.carriers import Surroundings, TaskError
+from rungwise.world.carriers import Surroundings, TaskError, apart
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 from rungwise.world.stepped import Simulation

@@ -44,8 +44,7 @@ EDGE = 0.08
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
 SPINS = 0.1
-"""What the angle of a round object weighs where the goal does not ask for it, over what it weighs else: it
-may roll as it likes."""
+"""Weight of a round object's angle where the goal does not ask for it, over its usual one: it may roll."""
 AROUND = 240
 """Places on the outline among which those that are opposite of others, or face alike, are sought."""
 ALIKE = 0.9
@@ -217,8 +216,7 @@ class Ground:
         return bool(least > -self.closed) and self.is_free(seen, used)
 
     def is_held(self, seen: Seen, used: Ints) -> bool:
-        """Whether the fingers that are used (f,) touch the object, those that do so at one place away from
-        its corners."""
+        """Whether the fingers in use (f,) touch the object, away from its corners if at one place."""
         held, wide = seen.held.tolist(), [finger.contacts > 1 for finger in self.fingers]
         return all(
             held[f] >= 0 and (wide[f] or self.part(seen, f)[1] >= EDGE)
@@ -226,8 +224,7 @@ class Ground:
         )  # fmt: skip
 
     def part(self, seen: Seen, f: int) -> tuple[float, float]:
-        """Where on the outline a finger touches, or is, if it may do so at several places, 0..1; and how far
-        from corners, 0..1."""
+        """Where on the outline a finger touches (or is, if at several), and how far from corners: 0..1."""
         point, pose = seen.touches.points[seen.held[f]], seen.touches.poses[self.body]
         if self.fingers[f].contacts > 1:
             normal, centre = seen.touches.normals[seen.held[f]], seen.touches.poses[self.fingers[f].body]
@@ -237,8 +234,7 @@ class Ground:
         return self.around.outline(self.body).part_of((point - at) @ turned)
 
     def opposite(self, parts: Reals) -> Reals:
-        """Parts (m,) of the outline across the body from others (m,), nearest to the line along their normals
-        among those that face them."""
+        """Parts (m,) of the outline that face others (m,) across the body, nearest to their normals' line."""
         outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
         points, normals = outline(parts)
         others, facing = outline(every)
@@ -328,8 +324,7 @@ class Ground:
         return found
 
     def placed(self, q: Reals, f: int, part: float) -> Reals | None:
-        """The place (n,) with a finger that touches the object at this part of its outline; None where it
-        does not come there."""
+        """The place (n,) with a finger at this part of the outline; None where it does not come there."""
         finger, found = self.fingers[f], q.copy()
         at, turned = frame_of(self.around.poses(q)[self.body])
         point, normal = (rows[0] for rows in self.around.outline(self.body)(np.array([part])))

@@ -18,8 +18,7 @@ from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
-from rungwise.world.apart import apart
-from rungwise.world.carriers import Near, Outline, Surfaces, Touches, frame_of
+from rungwise.world.carriers import Near, Outline, Surfaces, Touches, apart, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
