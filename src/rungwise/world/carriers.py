@@ -244,8 +244,8 @@ def apart(
     """The place (n_q,) nearest to q (n_q,), nearly, at which no bodies overlap: Newton's method on the gaps,
     with steps of least norm in which a turn counts as the way of the contact that it moves most.
 
-    Contacts of the given pairs that are nearer than `within` are closed besides. weights (n_v,): how dear a change of each velocity's
-    coordinate is, 1 if none are given. Joints are not looked at."""
+    Contacts of the given pairs that are nearer than `within` are closed besides. weights (n_v,): how
+    dear a change of each velocity's coordinate is, 1 if none are given. Joints are not looked at."""
     found = q.copy()
     closed = np.zeros(0, np.int64) if pairs is None else pairs
     for _ in range(OPENED if len(closed) else 0):
