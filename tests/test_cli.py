@@ -704,6 +704,30 @@ def test_no_plan_is_exit_code_1(rungwise: Command) -> None:
     assert answer.code == 1 and "no plan" in answer.out and "the budget is spent" in answer.out
 
 
+def test_a_search_without_a_plan_leaves_no_file_that_blocks_the_next(
+    rungwise: Command, tmp_path: Path
+) -> None:
+    file = tmp_path / "plan.json"
+    search = ("plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", file)
+    answer = rungwise(*search, "--budget", 300)
+    assert answer.code == 1 and "plan.json was not written, because there is no plan" in answer.err
+    assert not file.exists()
+    assert rungwise(*search).code == 0 and rw.load_plan(file).found
+
+
+def test_resume_refuses_a_folder_of_other_things(rungwise: Command, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("kept")
+    fit = ("fit", "push", "--model", "kinematic", "--data", tmp_path / "notes.txt", "--over", "mu")
+    for command in (SETS, (*SETS[:3], "all", *SETS[4:]), fit):
+        refused(rungwise(*command, "--out", tmp_path, "--resume"), "resume: ", "holds nothing to go on from")
+    with pytest.raises(rw.SetError, match="holds no set to go on from"):
+        rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), out=tmp_path, resume=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert rungwise(*SETS, "--tol", 0.1, "--out", empty, "--resume").code == 0
+
+
 def test_plans_that_cannot_be(rungwise: Command, tmp_path: Path) -> None:
     refused(rungwise("plan", "pivot"), "task: the scene has none")
     refused(rungwise("plan", "push", "--to", "zzz"), "unknown 'zzz'", "dynamic-compliant")

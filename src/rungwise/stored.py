@@ -30,7 +30,8 @@ _DRAFT = re.compile(r"\.[0-9a-f]{8}(\.\w+)?")
 
 class Batches:
     """The finished batches of one request in a folder, as arrays, by number. Raises the error where the
-    folder holds another request, or this one, a `thing`, and `resume` is false."""
+    folder holds another request, or this one, a `thing`, and `resume` is false; and where `resume` is true
+    and the folder holds other files, but no request."""
 
     def __init__(
         self, folder: Path, request: Mapping[str, object], resume: bool, thing: str, error: type[InputError]
@@ -43,6 +44,8 @@ class Batches:
                 raise error(f"out: {folder} holds a {thing} already; give --resume, or another folder")
             if known.read_text("utf-8") != text:
                 raise error(f"resume: {folder} holds another request; see {REQUEST} in it")
+        elif resume and _is_foreign(folder):
+            raise error(f"resume: {folder} holds no {thing} to go on from")
         self.folder.mkdir(parents=True, exist_ok=True)
         _sweep(folder)
         _sweep(self.folder)
@@ -64,6 +67,13 @@ class Batches:
 
     def file(self, number: int) -> Path:
         return self.folder / f"{number:06d}.npz"
+
+
+def _is_foreign(folder: Path) -> bool:
+    """Whether there is more in a folder than a killed process leaves before it writes its request."""
+    if not folder.is_dir():
+        return folder.exists()
+    return any(path.name != BATCHES and not _DRAFT.fullmatch(path.name) for path in folder.iterdir())
 
 
 def _sweep(folder: Path) -> None:

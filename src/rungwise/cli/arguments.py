@@ -191,14 +191,21 @@ def writable_file(file: Path) -> None:
 
 def unused(out: Path | None, force: bool, resume: bool | None = None) -> None:
     """Refuse a file that exists, or a folder in which something is, unless it may be overwritten, or the
-    command is to `resume` what is there; None where it cannot. Batches that are overwritten are removed."""
-    if out is None or resume:
+    command is to `resume` what is there; None where it cannot. A folder to resume must hold a request, unless
+    it is empty. Batches that are overwritten are removed."""
+    if out is None:
         return
     with suppress(OSError):
-        if not force and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        if (
+            resume
+            and any(out.iterdir())
+            and not any(out.glob("request.json")) | any(out.glob("*/request.json"))
+        ):
+            refuse(f"resume: {out} holds nothing to go on from; give another folder, or --force instead")
+        if not resume and not force and out.exists() and (not out.is_dir() or any(out.iterdir())):
             goes_on = "" if resume is None else ", --resume goes on from it"
             refuse(f"out: {out} exists; --force overwrites it{goes_on}")
-    if force and resume is not None:
+    if force and resume is False:
         for request in out.rglob("request.json"):
             for name in ("batches", "set.zarr", request.name):
                 remove(request.with_name(name))

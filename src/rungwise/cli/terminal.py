@@ -34,6 +34,11 @@ def refuse(message: str) -> NoReturn:
     sys.exit(BAD_INPUT)
 
 
+def note(message: str) -> None:
+    """One line on the standard error beside an answer."""
+    print(f"rungwise: {message}", file=sys.stderr)
+
+
 def show(text: str) -> None:
     """Print; a reader who leaves early ends the program quietly, a full disk with one line."""
     try:

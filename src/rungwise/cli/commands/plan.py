@@ -9,7 +9,7 @@ import typer
 
 from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.terminal import INTERRUPTED, answer, plain_errors, refuse
+from rungwise.cli.terminal import INTERRUPTED, answer, note, plain_errors, refuse
 
 RUNGS = (
     "geometric", "kinematic", "quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid",
@@ -58,7 +58,9 @@ def plan(
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
     initial: Annotated[Path | None, arg.path("--initial", "A saved plan to begin with.")] = None,
-    out: Annotated[Path | None, arg.path("--out", "File for the plan (JSON).")] = None,
+    out: Annotated[
+        Path | None, arg.path("--out", "File for the plan (JSON); not written without one.")
+    ] = None,
     force: arg.ForceOption = False,
     table: Annotated[Path | None, arg.path("--csv", "File for the time table of inputs.")] = None,
     as_json: arg.JsonOption = False,
@@ -87,8 +89,10 @@ def plan(
             on_progress=told,
         )  # fmt: skip
     try:
-        if out is not None:
+        if out is not None and found.stage is not None:
             found.save(out)
+        elif out is not None:
+            note(f"{out} was not written, because there is no plan")
         if table is not None and found.segments:
             table.write_text(found.timetable(), "utf-8")
         elif table is not None and found.found:
