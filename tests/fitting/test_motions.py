@@ -115,6 +115,15 @@ def test_rates_of_a_fall_are_exact_and_a_kink_bends_those_beside_it_only() -> No
     assert rates[:20] == pytest.approx(-1.0) and rates[21:] == pytest.approx(1.0)
 
 
+def test_rates_at_the_ends_of_windows_are_as_uncertain_as_they_scatter() -> None:
+    rng, times = np.random.default_rng(0), np.arange(9) * 0.01
+    found = smooth(times, rng.normal(size=(9, 20_000)), np.array([0, 4, 8]))
+    scatter = np.sqrt((found.rates**2).mean(axis=1))
+    assert scatter == pytest.approx(np.sqrt((found.gain**2).mean(axis=1)), rel=0.1)
+    assert found.gain[0].max() == pytest.approx(0.681 / 0.01, rel=0.01)
+    assert np.median(found.gain[1]) == pytest.approx(0.189 / 0.01, rel=0.01)
+
+
 def test_scatter_is_the_deviation_of_the_noise() -> None:
     rng, times = np.random.default_rng(0), np.arange(2000) * 0.01
     found = smooth(times, rng.normal(size=(2000, 1)) * 0.3, np.arange(3, 2000, 7))

@@ -41,6 +41,16 @@ def test_motions_of_the_scene_itself_are_explained(seed: int) -> None:
     assert not found.outside and found.verdict.startswith("explained")
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(10))
+def test_motions_without_velocities_are_explained_in_whole_trials(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mu, e = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.7))
+    motions = drops(8, 25, seed=seed, mu=mu, e=e, rates=False)
+    found = rw.fit(SCENE, "dynamic-rigid", motions, ("mu", "e"), span=np.inf, threads=1)
+    assert not found.outside
+
+
 @pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", WRONG)

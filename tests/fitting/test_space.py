@@ -46,7 +46,7 @@ def test_rates_of_a_spin_are_about_the_axes_of_the_body() -> None:
     places = np.column_stack([np.zeros((len(TIMES), 2)), np.full(len(TIMES), 0.5), turned])
     scene = rw.load("slope")
     layout = laid_out(scene, rw.Motions(LABELS, TIMES, places, rates=RATES))
-    v = rates_at(layout, scene, layout.trials[0], np.arange(2, 14))
+    v = rates_at(layout, scene, layout.trials[0], np.arange(2, 14))[0]
     assert v[:, 3:] == pytest.approx(np.tile([0.0, 0.0, spin], (12, 1)), abs=1e-3)
 
 

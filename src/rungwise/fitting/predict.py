@@ -72,8 +72,8 @@ class Predictor:
         return found
 
     def __call__(self, points: Reals, shifts: Reals | None = None) -> Predicted:
-        """Errors at points (p, k) of the parameters; with starts that are changed by shifts (p, n_q + n_v).
-        Raises TimeOver."""
+        """Errors at points (p, k) of the parameters; with starts that are changed by shifts
+        (p, s, n_q + n_v). Raises TimeOver."""
         self._deadline.look()
         s, g = self.spans.durations.shape
         each = max(1, TOGETHER // (s * g))
@@ -113,9 +113,9 @@ class Predictor:
         n = spans.q.shape[1]
         starts = np.zeros((p, s, n + spans.v.shape[1]))
         for i, point in enumerate(points):
-            change = np.zeros(starts.shape[2]) if shifts is None else shifts[i]
-            starts[i, :, :n] = self._starts(point, spans.q + change[:n])
-            starts[i, :, n:] = spans.v + change[n:]
+            change = np.zeros(starts.shape[1:]) if shifts is None else shifts[i]
+            starts[i, :, :n] = self._starts(point, spans.q + change[:, :n])
+            starts[i, :, n:] = spans.v + change[:, n:]
         q, ended = self.places(points, starts)
         if self._deadline.is_over:
             raise TimeOver("in the runs of a fit")

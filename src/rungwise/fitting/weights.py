@@ -49,17 +49,20 @@ def free_flight(layout: Layout, predictor: Predictor, extra: Reals) -> Weights:
     spans, names = predictor.spans, predictor.scene.template.coordinates
     velocities = list(predictor.scene.template.velocities)
     n = len(names)
-    place, rate = np.zeros(len(layout.sigma)), np.zeros(len(layout.sigma))
+    place, rate = np.zeros((2, len(spans.trial), len(layout.sigma)))
     for e, column in enumerate(layout.compared.plain):
-        place[e] = layout.start[column]
+        place[:, e] = spans.start[:, column]
         if names[column] in velocities:
-            rate[e] = layout.start[n + velocities.index(names[column])]
+            rate[:, e] = spans.start[:, n + velocities.index(names[column])]
     for r, four in enumerate(layout.compared.turns):
         rows = slice(len(layout.compared.plain) + 3 * r, len(layout.compared.plain) + 3 * r + 3)
-        place[rows] = 2.0 * layout.start[four[0]]
+        place[:, rows] = 2.0 * spans.start[:, four[0], None]
         body = names[four[0]].rsplit(".", 1)[0]
-        rate[rows] = [layout.start[n + velocities.index(f"{body}.{axis}")] for axis in ("rx", "ry", "rz")]
-    variance = place**2 + (rate * spans.since[..., None]) ** 2 + layout.sigma**2 + extra**2
+        about = [n + velocities.index(f"{body}.{axis}") for axis in ("rx", "ry", "rz")]
+        rate[:, rows] = spans.start[:, about]
+    variance = (
+        place[:, None] ** 2 + (rate[:, None] * spans.since[..., None]) ** 2 + layout.sigma**2 + extra**2
+    )
     spread = np.sqrt(variance)
     flat = spread.reshape(len(spread), -1)
     inverse = np.einsum("sd,de->sde", 1.0 / flat, np.eye(flat.shape[1]))
@@ -74,9 +77,10 @@ def by_sensitivity(
     spans = predictor.spans
     s, (g, e) = len(spans.trial), (spans.counts.shape[1], len(layout.sigma))
     uncertain = np.flatnonzero(layout.start > 0.0)
-    shifts = np.zeros((2 * len(uncertain), len(layout.start)))
+    shifts = np.zeros((2 * len(uncertain), s, len(layout.start)))
     for j, column in enumerate(uncertain):
-        shifts[2 * j, column], shifts[2 * j + 1, column] = layout.start[column], -layout.start[column]
+        shifts[2 * j, :, column] = spans.start[:, column]
+        shifts[2 * j + 1, :, column] = -spans.start[:, column]
     runs = predictor(np.tile(point, (len(shifts), 1)), shifts).errors
     change = 0.5 * (runs[0::2] - runs[1::2]).reshape(len(uncertain), s, g * e)
     free, none = _compared(predictor, e), np.zeros(e)

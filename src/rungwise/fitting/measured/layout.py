@@ -152,22 +152,27 @@ def _rate_gain(frames: Sequence[Frames]) -> float:
     return float(np.nanmedian(found.gain))
 
 
-def rates_at(layout: Layout, scene: Any, frames: Frames, rows: Ints) -> Reals:
-    """Velocities (r, n_v) at frames (r,): those measured, or by local regression."""
-    if frames.trial.v is not None:
-        return np.asarray(frames.v[rows])
+def rates_at(layout: Layout, scene: Any, frames: Frames, rows: Ints) -> tuple[Reals, Reals]:
+    """Velocities (r, n_v) at frames (r,), and their deviations: those measured, or by local regression."""
     names, velocities = scene.template.coordinates, world_of(scene).velocities
+    deviations = np.tile(layout.start[len(names) :], (len(rows), 1))
+    if frames.trial.v is not None:
+        return np.asarray(frames.v[rows]), deviations
     found = smooth(frames.times, frames.q, rows)
     v = frames.v[rows].copy()
     moving = np.isfinite(layout.start[len(names) :]) & (layout.start[len(names) :] > 0.0)
     for k, name in enumerate(velocities):
         if moving[k] and name in names:
-            v[:, k] = found.rates[:, names.index(name)]
+            column = names.index(name)
+            v[:, k] = found.rates[:, column]
+            deviations[:, k] = found.gain[:, column] * layout.start[column]
     for four in layout.compared.turns:
         body = names[four[0]].rsplit(".", 1)[0]
         columns = [velocities.index(f"{body}.{axis}") for axis in ("rx", "ry", "rz")]
         v[:, columns] = 2.0 * _body_rate(frames.q[rows][:, four], found.rates[:, four])
-    return v
+        gain = found.gain[:, four].max(axis=1, keepdims=True)
+        deviations[:, columns] = gain * 2.0 * layout.start[four[0]]
+    return v, deviations
 
 
 def _body_rate(q: Reals, rate: Reals) -> Reals:

@@ -25,7 +25,8 @@ _Regressions = dict[bytes, tuple[Reals, Reals]]
 class Smooth(NamedTuple):
     """Of columns (k, n) at r frames: values and rates (r, n), nan where too few frames are near; scatter
     (r, n): root of the mean square of what is left of the window about each, per degree of freedom; gain
-    (r,): deviation of a rate over that of a frame, in that window."""
+    (r, n): deviation of a rate over that of a frame. At the end of a window it is 3.6 times as great as in
+    its middle: so it is where a trial begins, and beside impacts."""
 
     values: Reals
     rates: Reals
@@ -38,7 +39,7 @@ def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
     k, n = columns.shape
     window, known = min(WINDOW, k), _Regressions()
     shape = (len(rows), n)
-    found = Smooth(*(np.full(each, np.nan) for each in (shape, shape, shape, shape[:1])))
+    found = Smooth(*(np.full(each, np.nan) for each in (shape,) * 4))
     for row, at in enumerate(rows.tolist()):
         middle = _within(at - window // 2, window, k)
         others = {_within(at - window + 1, window, k), _within(at, window, k)} - {middle}
@@ -55,9 +56,9 @@ def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
             best[better] = BENT * scatter[better] if first == middle else scatter[better]
             found.values[row, better] = polynomial[0, better]
             found.rates[row, better] = polynomial[1, better] / unit
+            found.gain[row, better] = float(np.linalg.norm(inverse[1])) / unit
             if first == middle:
                 found.scatter[row] = scatter
-                found.gain[row] = float(np.linalg.norm(inverse[1])) / unit
     return found
 
 

@@ -28,7 +28,8 @@ class Spans(NamedTuple):
     """s spans with g moments at most: the trial of each (s,); where it begins, q (s, n_q) and v (s, n_v);
     durations (s, g) from moment to moment, 0 for such as a span lacks; measured places (s, g, n_q), which of
     the moments count (s, g), times since the start (s, g); names of known parameters and inputs, values
-    (s, p), and (s, g, u); `first` (s,): the time in the trial at which it begins."""
+    (s, p), and (s, g, u); `first` (s,): the time in the trial at which it begins; `start` (s, n_q + n_v):
+    deviations of q and v."""
 
     trial: Ints
     q: Reals
@@ -42,6 +43,7 @@ class Spans(NamedTuple):
     inputs: tuple[str, ...]
     levels: Reals
     first: Reals
+    start: Reals
 
     def take(self, rows: Ints) -> Spans:
         """Some of the spans."""
@@ -58,6 +60,7 @@ class Spans(NamedTuple):
                 "values",
                 "levels",
                 "first",
+                "start",
             )
         }
         return self._replace(**whole)
@@ -151,17 +154,20 @@ def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
     levels = np.zeros((s, g, len(inputs)))
     q, values = np.zeros((s, n)), np.zeros((s, len(known) + len(inputs)))
     v = np.zeros((s, trials[0].v.shape[1]))
+    start = np.tile(layout.start, (s, 1))
     for number in dict.fromkeys(each.trial for each in found):
         rows = [i for i, each in enumerate(found) if each.trial == number]
-        v[rows] = rates_at(layout, scene, trials[number], np.array([found[i].start for i in rows]))
-    for i, (number, start, moments) in enumerate(found):
+        v[rows], start[rows, n:] = rates_at(
+            layout, scene, trials[number], np.array([found[i].start for i in rows])
+        )
+    for i, (number, begin, moments) in enumerate(found):
         frames, k = trials[number], len(moments)
-        ends = frames.times[np.append(start, moments)]
+        ends = frames.times[np.append(begin, moments)]
         durations[i, :k], since[i, :k], first[i] = np.diff(ends), ends[1:] - ends[0], ends[0]
-        aims[i, :k], counts[i, :k], q[i] = frames.q[moments], True, frames.q[start]
+        aims[i, :k], counts[i, :k], q[i] = frames.q[moments], True, frames.q[begin]
         trial = frames.trial
         values[i] = [trial.parameters.get(name, defaults[name]) for name in known] + [
-            trial.inputs[name][start] if name in trial.inputs else defaults[name] for name in inputs
+            trial.inputs[name][begin] if name in trial.inputs else defaults[name] for name in inputs
         ]
         for j, name in enumerate(inputs):
             levels[i, :, j] = values[i, len(known) + j]
@@ -177,6 +183,6 @@ def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
     aims = np.where(counts[..., None], aims, q[:, None])
     whole = Spans(
         np.array([each.trial for each in found]), q, v, durations, aims, counts, since,
-        known + inputs, values, inputs, levels, first,
+        known + inputs, values, inputs, levels, first, start,
     )  # fmt: skip
     return whole.take(np.flatnonzero(finite & counts.any(axis=1)))
