@@ -370,3 +370,20 @@ def test_laws_do_not_depend_on_units(rung: Rung) -> None:
     here, there = rw.simulate(data, rung), rw.simulate(scaled(rw.load(data), units), rung)
     assert here.outcome == there.outcome
     np.testing.assert_allclose(of(there, "body.y"), 1e3 * of(here, "body.y"), rtol=1e-6, atol=1e-6)
+
+
+def test_runs_of_a_batch_with_static_friction_below_kinetic_say_so() -> None:
+    law = {"friction": "mu", "static_friction": "held"}
+    ranges = {"mu": {"default": 0.3, "range": [0, 1]}, "held": {"default": 0.5, "range": [0.1, 1]}}
+    data = on_floor(box(), law, parameters=ranges)
+    held = np.array([0.2, 0.5, 0.1])
+    found = rw.rollout(data, "dynamic-rigid", durations=0.01, parameters={"held": held})
+    line = "contacts between body and floor: static_friction must be at least friction"
+    assert found.faults == {0: f"sample 0: {line}", 2: f"sample 2: {line}"}
+    motions = rw.Motions(("body.y",), [0.0, 0.1, 0.2], np.full((1, 3, 1), 0.01))
+    with pytest.raises(rw.InputError, match=rf"box: {line} \(at held 0.1, mu 1\)"):
+        rw.fit(data, "dynamic-rigid", motions, ("held", "mu"))
+    designed = rw.design(
+        data | {"goal": "body.x > 1"}, ("held",), model="dynamic-rigid", box={"held": (0.1, 0.2)}
+    )
+    assert line in designed.reason

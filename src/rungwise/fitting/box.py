@@ -27,6 +27,12 @@ class Box(NamedTuple):
     high: Reals
     logs: NDArray[np.bool_]
 
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The interval of each parameter."""
+        pairs = zip(self.low.tolist(), self.high.tolist(), strict=True)
+        return dict(zip(self.names, pairs, strict=True))
+
     def take(self, rows: Ints) -> Box:
         """Some of the parameters."""
         return Box(tuple(self.names[k] for k in rows), self.low[rows], self.high[rows], self.logs[rows])

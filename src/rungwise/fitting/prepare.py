@@ -23,7 +23,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
-from rungwise.world.find import world_of
+from rungwise.world.find import impossible, world_of
 
 FINE = 1e-3
 """Error allowed per step, as a part of the size of what moves: coarser steps damp, and errors add up."""
@@ -122,6 +122,9 @@ def prepare(
             raise InputError(f"parameters.{name}: is given, and `over` asks for it")
     values = loaded.parameters(parameters)
     given = {name: values[name] for name in (parameters or {})}
+    wrong = impossible(loaded, within.ends, given)
+    if wrong:
+        raise InputError(f"box: {wrong}; narrow it, or write one number by another in the scene")
     check_parameters(motions, within.names, loaded.file.parameters, loaded.template.inputs)
     return Prepared(loaded, rung, motions, within, given, laid_out(loaded, motions), options)
 

@@ -27,6 +27,7 @@ from rungwise.sets.request import ACCURACY, box_of, smallest
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.workers import names_of
 from rungwise.world.carriers import TaskError
+from rungwise.world.find import impossible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,6 +104,8 @@ class Design(ByContent):
         if self.found:
             return ""
         told = nothing(self.runs, self.outcomes) if self.outcomes else "no design was tried"
+        wrong = impossible(self.scene, self.box, self.parameters) if "invalid" in self.outcomes else ""
+        told += f"; {wrong}" if wrong else ""
         return f"{told}; {self.unfinished}" if self.unfinished else told
 
     def summary(self) -> dict[str, Any]:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from rungwise.deadline import Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.scene import Scene
+from rungwise.scene.scene import InvalidScene
 from rungwise.simulation.planar.state.workspace import State as Like
 from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.result import pair_labels
@@ -87,12 +89,32 @@ def rollout(
     told["outcome"] = proved(
         rung, told["outcome"], told["steps"], budget or BUDGET, lambda i: again(i, deadline), deadline
     )
+    _say_impossible(scene, wanted, told["outcome"])
     return Rollouts(
         scene=scene, model=rung, **told, worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
         memory=samples.kept, _like=workers.workspace.state, _again=again, _schedules=schedule,
         _theta=workers.theta,
     )  # fmt: skip
+
+
+def _say_impossible(scene: Scene, wanted: Asked, outcome: Ints) -> None:
+    """Why samples are invalid whose parameters no scene can have, into the faults."""
+    known: dict[bytes, str] = {}
+    given = scene.parameters()
+    for i in np.flatnonzero(outcome == Code.INVALID).tolist():
+        if i in wanted.faults:
+            continue
+        key = wanted.points[i].tobytes()
+        if key not in known:
+            values = given | dict(zip(wanted.over, wanted.points[i].tolist(), strict=True))
+            try:
+                scene.bind_values(values.values())
+                known[key] = ""
+            except InvalidScene as error:
+                known[key] = str(error)
+        if known[key]:
+            wanted.faults[i] = f"sample {i}: {known[key]}"
 
 
 class _Memories(NamedTuple):
