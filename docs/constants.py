@@ -88,16 +88,26 @@ def page() -> str:
 _HEAD = """\
 # Constants
 
-Numbers that the source names and that decide a verdict, an acceptance or a search. This page is written from
-the source and from `docs/constants.txt` by `docs/constants.py`. A *verdict* says what a run, a step, a set, a
-proof or a plan is called. An *acceptance* says whether an answer, a step or a state is taken. A *search* says
-where and how long is looked; what is found is judged by other numbers. Numbers without a unit are counts, or
-parts of what their meaning names. The last column has the test that fails where the number is far smaller (-)
-or far greater (+), by a decade or two. *Free* are numbers of which all may be multiplied or divided by the
-factor at once, and the shipped scenes end as before (`python benchmarks/decades.py` tells). Numbers of
-searches are free where all are changed at once, each by a factor of its own up to that one, and small
-searches find the same (`python benchmarks/search_numbers.py` tells). Where the column is empty, neither is
-known.
+Which numbers in the source decide an answer, and what would change if one of them were different? For
+example, `TOLERANCE` of `solve` decides whether an answer of `rw.solve` counts as solved. A far smaller
+value would refuse good answers of ill-conditioned problems, a far greater one would accept rough answers,
+and a test fails in both cases.
+
+This page lists the numbers by the room of the source to which they belong. `docs/constants.py` writes it
+from the source and from `docs/constants.txt`.
+
+- *What a number decides.* A number that decides a *verdict* settles what a run, a step, a set, a proof or a
+  plan is called. A number that decides an *acceptance* settles whether an answer, a step or a state is
+  accepted. A number of a *search* settles where and for how long something is searched; other numbers judge
+  the result.
+- *Units.* A number without a unit is a count, or a fraction of a quantity that its meaning names.
+- *Held by.* The last column names the test that fails if the number is far smaller (-) or far greater (+),
+  by one or two decades.
+- *Free by a factor.* All such numbers may be multiplied or divided by the factor at the same time, and the
+  shipped scenes end as before (`python benchmarks/decades.py` tries it). Numbers of searches are free in
+  another sense: if all of them are changed at once, each by a random factor up to the given one, nearly all
+  answers of small searches stay (`python benchmarks/search_numbers.py` tries it).
+- *Empty.* If the last column is empty, no test and no factor is known.
 
 """.splitlines()
 
