@@ -208,3 +208,21 @@ def test_every_parameter_of_a_public_function_is_described_and_signatures_are_sh
     missing = [name for name in signature.parameters if not re.search(rf"\b{name}s?\b", said)]
     assert not missing
     assert all(len(repr(p.default)) < 40 for p in signature.parameters.values())
+
+
+NEAR_KERNELS = {"Scene", "SpaceScene", "Problem", "Rung"}
+METHODS = [
+    (kind, method)
+    for name in rw.__all__
+    if inspect.isclass(kind := getattr(rw, name)) and name not in NEAR_KERNELS
+    for word, method in inspect.getmembers(kind, inspect.isroutine)
+    if not word.startswith("_") and getattr(method, "__module__", None) == kind.__module__
+]
+
+
+def test_every_parameter_of_a_public_method_is_described() -> None:
+    assert len(METHODS) > 50
+    for kind, method in METHODS:
+        said = (method.__doc__ or "") + (kind.__doc__ or "")
+        for name in inspect.signature(method).parameters:
+            assert name in ("self", "cls") or re.search(rf"\b{name}s?\b", said), (method.__qualname__, name)

@@ -61,8 +61,8 @@ class Explanation(ByContent):
         return min(self.rungs, key=lambda name: self.rungs[name].score.whole.value)
 
     def as_good(self, name: str) -> bool:
-        """Whether a rung is as near to the motions as the best one, within the error of measurement or what
-        so few trials can tell."""
+        """Whether the rung of this name is as near to the motions as the best rung, within the error of
+        measurement or the uncertainty of so few trials."""
         mean, deviation = worse(self.rungs[name].score.trials, self.rungs[self.best].score.trials)
         return bool(mean <= max(ALIKE * deviation, self.known))
 
@@ -85,7 +85,7 @@ class Explanation(ByContent):
         return "; ".join([*lines, *(self.failure(name) for name in self.rungs if not self.as_good(name))])
 
     def failure(self, name: str) -> str:
-        """Where a rung is farther from the motions than the best one."""
+        """Where the rung of this name is farther from the motions than the best rung, in words."""
         own = {phase.name: phase for phase in self.rungs[name].score.phases}
         other = {phase.name: phase for phase in self.rungs[self.best].score.phases}
         ratios = {
@@ -161,9 +161,12 @@ def explain(
     Args:
         models: rungs; all that move if not given.
         held_out: the part of the trials that is not fitted, drawn by the seed; or other motions.
-        scene, box, moments, step, tol, limit, threads, resume, keep_interrupted, on_progress: these and all
-            others are as for `fit`, which is called for each rung; parameters that a rung does not read are
-            left out of its fit. Scores are errors over spans of the same length.
+        scene, motions, over, box, parameters, span, moments, step, tol, limit, seed, threads, out, resume,
+            keep_interrupted: as for `fit`, which is called for each rung. Parameters that a rung does not
+            read are left out of its fit; each rung has a folder of its own in `out`.
+        on_progress: as for `fit`, and besides told the name of the rung.
+
+    Scores are errors over spans of the same length for all rungs.
 
     Raises what `fit` raises, and MotionError where no trial is left to hold out.
     """

@@ -79,7 +79,8 @@ class Counterexample(ByContent):
         return self.richer.replay(self.scene, deadline), self.simpler.replay(self.scene, deadline)
 
     def apart(self, richer: AnyRun, simpler: AnyRun) -> float:
-        """How far two runs are apart, as the distance was measured."""
+        """The distance between a run of the `richer` model and a run of the `simpler` one, measured as in the
+        comparison."""
         times = self.richer.duration * np.arange(1, MOMENTS + 1)[MOMENTS // 2 if self.late else 0 :] / MOMENTS
         places = world_of(self.scene).marks(self.richer.parameters)
         lever = np.array([self.levers.get(name, 0.0) for name in places.names])[:, None]

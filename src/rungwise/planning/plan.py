@@ -165,9 +165,9 @@ class Plan(ByContent):
         limit: float | None = None,
         on_progress: Callable[[Any], None] | None = None,
     ) -> AnyRun:
-        """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
-        options as for `simulate`. Raises PlanError where there is no plan, or one of places only, and what
-        `simulate` raises."""
+        """The run of the plan, on the rung `model` with the error `tol` per step, by default the plan's own.
+        duration, theta, frames, stride, save_hard, limit, on_progress: as for `simulate`. Raises PlanError if
+        there is no plan, or one of places only, and what `simulate` raises."""
         if self.stage is None:
             raise PlanError(f"plan: there is none. {self.reason}")
         if not self.stage.model.moves:
@@ -189,9 +189,8 @@ class Plan(ByContent):
         limit: float | None = None,
         average: int = 1,
     ) -> rungwise.Policy:
-        """A controller that follows the plan from what is measured (see `Policy`), for
-        `rw.simulate(control=)` and for loops of `rw.Simulation`. Raises TaskError where there is no plan, or
-        one of places only."""
+        """A controller that follows the plan from measured states; model, budget, limit, average: as for
+        `Policy`. Raises TaskError if there is no plan, or one of places only."""
         import rungwise
 
         return rungwise.Policy(self, model=model, budget=budget, limit=limit, average=average)
@@ -200,14 +199,16 @@ class Plan(ByContent):
     def joint_trajectory(
         self, names: Sequence[str] | None = None, *, rate: float | None = None, limit: float | None = None
     ) -> rungwise.JointTrajectory:
-        """Joints over time in the plan's run (see `Run.joint_trajectory`). Raises LimitError."""
+        """Joints over time in the plan's run; `names` and `rate` as for `Run.joint_trajectory`. Raises
+        LimitError if the run takes more than `limit` seconds."""
         return self._whole_run(limit).joint_trajectory(names, rate=rate)
 
     @keywords
     def mjcf(
         self, at: float | Sequence[float] | None = None, *, whole: bool = True, limit: float | None = None
     ) -> str:
-        """The scene as MJCF with keyframes of the plan's run (see `Run.mjcf`). Raises LimitError."""
+        """The scene as MJCF with keyframes of the plan's run; `at` and `whole` as for `Run.mjcf`. Raises
+        LimitError if the run takes more than `limit` seconds."""
         return self._whole_run(limit).mjcf(at, whole=whole)
 
     def _whole_run(self, limit: float | None) -> AnyRun:
@@ -233,7 +234,8 @@ class Plan(ByContent):
 
     @keywords
     def plot(self, frames: int = 6, *, limit: float | None = None) -> Figure:
-        """Picture of so many frames of the plan's run (see `rungwise.plot`)."""
+        """Picture of the plan's run with so many `frames`; after `limit` seconds, of the run so far (see
+        `rungwise.plot`)."""
         import rungwise
 
         return rungwise.plot(self, frames=frames, limit=limit)

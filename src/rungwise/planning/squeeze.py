@@ -120,14 +120,16 @@ class SqueezePlan(ByContent):
 
     @keywords
     def predicted(self, angle: ArrayLike, *, friction: float = 0.0) -> Reals:
-        """The angle of the part in the world after the plan, from each angle at the start."""
+        """The angle of the part in the world after the plan, for each `angle` at the start; `friction` is its
+        friction with the jaws."""
         found = np.asarray(angle, dtype=np.float64)
         for turn in self.angles:
             found = self.function.squeezed(found - turn, friction=friction) + turn
         return found
 
     def off(self, angle: ArrayLike) -> Reals:
-        """How far angles of the part are from the final one, or from the nearest of those a period apart."""
+        """The distance of each `angle` of the part from the final angle, or from the nearest one a whole
+        number of periods away."""
         apart = np.asarray(angle, dtype=np.float64) - self.final
         return np.asarray(np.abs(apart - self.period * np.round(apart / self.period)))
 

@@ -143,8 +143,12 @@ class AnyRun:
 
     @keywords
     def mjcf(self, at: float | Sequence[float] | None = None, *, whole: bool = True) -> str:
-        """The scene as MJCF with keyframes of the recorded states nearest to these times (see
-        `rungwise.mjcf`); the end if no time is given, and of keyframes alone (`whole=False`) all states.
+        """The scene as MJCF with keyframes of recorded states (see `rungwise.mjcf`).
+
+        Args:
+            at: one time or several; the recorded states nearest to them become keyframes. By default the end
+                of the run, or all recorded states if `whole` is false.
+            whole: whether the scene is written as well, or only the keyframes.
 
         Raises ExportError for times outside the run and for a scene without a model, ValueError for a run
         that never began.

@@ -95,8 +95,14 @@ class State:
         time: float = 0.0,
         parameters: Mapping[str, float] | None = None,
     ) -> State:
-        """The scene's start at these parameters, with other values of the named coordinates and speeds (in
-        space: velocities). Quaternions are made unit ones.
+        """The scene's start, with other values of some coordinates and speeds.
+
+        Args:
+            scene: a scene, the name of one that ships, a path, or a mapping of its fields.
+            q: coordinates by name. Quaternions are scaled to unit length.
+            v: speeds by name (in space: velocities).
+            time: the time of the state.
+            parameters: values of the scene's parameters.
 
         A run that begins there says whether bodies overlap and joints are open. Raises StateError for an
         unknown name or a value that is no finite number, SceneError for wrong parameters.

@@ -102,12 +102,18 @@ class Batch:
         self, points: Reals, *, chunk: int | None = None, limit: float | None = None,
         on_progress: Callable[[int], None] | None = None,
     ) -> Results:  # fmt: skip
-        """Run every point (m, k), values of `over`; the bytes do not depend on threads or `chunk`.
+        """Run the scene at many points; the bytes do not depend on threads or `chunk`.
+
+        Args:
+            points: (m, k), values of the k parameters `over`.
+            chunk: number of points that a thread takes at a time.
+            limit: seconds, after which unfinished runs are interrupted.
+            on_progress: called with the number of runs done.
 
         A point outside the ranges of the parameters, or one at which the scene is impossible, is `invalid`.
         After `limit` seconds unfinished runs are interrupted, also from within a step: their outcome is
-        `running`, and they are kept so far. Runs that had not begun have positions of nan.
-        `on_progress` is called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
+        `running`, and they are kept so far. Runs that had not begun have positions of nan. Ctrl-C raises
+        KeyboardInterrupt within one run.
         """
         deadline, points = Deadline(seconds(limit)), np.ascontiguousarray(points, np.float64)
         if points.ndim != 2 or points.shape[1] != len(self.over):

@@ -101,8 +101,8 @@ class Rolled(ByContent):
 
     @keywords
     def state(self, sample: int, segment: int | None = None) -> State:
-        """The state of a run at the end of a segment; of the run, if none is given. Raises ValueError where
-        the run had ended before, or did not begin."""
+        """The state of the run of a `sample` at the end of a `segment`, or at the end of the run if no
+        segment is given. Raises ValueError if the run had ended before, or did not begin."""
         last = min(int(self.switches[sample]), self.memory.shape[1] - 1) if len(self.memory) else 0
         k = last if segment is None else segment
         time = float(self.times[sample, k])

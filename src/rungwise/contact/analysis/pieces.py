@@ -104,7 +104,8 @@ class Solutions:
     __repr__ = brief
 
     def names(self, piece: Piece) -> tuple[str, ...]:
-        """The mode in words: one for each contact, then for each other unknown that is not eliminated."""
+        """The mode of a `piece` in words: one word for each contact, then one for each other unknown that is
+        not eliminated."""
         contacts = len(self.problem.mu)
         return (
             *(_CONTACT[part] for part in piece.mode[:contacts]),

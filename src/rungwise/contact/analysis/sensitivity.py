@@ -136,8 +136,9 @@ class Sensitivity:
     ) -> RightHandSide:
         """The right-hand side of the linearised laws along changes of `data`; it is linear in them.
 
-        The arguments and ValueErrors are those of `forward`. Where there are many directions, combine the
-        right-hand sides of few changes: changes of H and W take n (n + k d) numbers a direction.
+        The arguments `data` and `sizes`, and ValueErrors, are those of `forward`. Where there are many
+        directions, combine the right-hand sides of few changes: changes of H and W take n (n + k d) numbers
+        a direction.
         """
         change = self._columns(data)
         limit = np.vstack([change["mu"], change["F"]])
@@ -151,7 +152,8 @@ class Sensitivity:
         return RightHandSide(laws, self._pieces.limits @ limit, size)
 
     def solved(self, right: RightHandSide, *, limit: float | None = None) -> Change:
-        """Derivatives along the directions of a right-hand side. Raises LimitError as `forward` does."""
+        """Derivatives along the directions of the right-hand side `right`. Raises LimitError if they take
+        more than `limit` seconds."""
         deadline = Deadline(seconds(limit))
         with deadline.needed_for("all directions were differentiated"):
             deadline.look()
@@ -207,9 +209,16 @@ class Sensitivity:
     ) -> dict[str, Array]:
         """Gradient of a scalar with respect to all data, from its gradient with respect to the solution.
 
+        Args:
+            v, force, tau: derivatives of the scalar by the velocities, the contact forces, and the forces of
+                limited rates; 0 if not given.
+            released: whether to take one piece where contacts are weakly active.
+
+
         The entries of H are taken as independent. NaN at a friction or limit of zero where nothing slips.
-        With weakly active contacts there is no gradient; `released` asks for the gradient of one piece, on
-        which contacts at rest without force stay without force, and contacts at the limit of friction slip.
+        With weakly active contacts there is no gradient, only that of one piece: `released` takes the piece
+        on which contacts at rest without force stay without force, and contacts at the limit of friction
+        slip.
 
         Raises ValueError where there is no gradient, or the scalar depends on forces that are not determined.
         """

@@ -111,7 +111,7 @@ class Motions:
 
     @keywords
     def take(self, rows: Iterable[int]) -> Motions:
-        """Some of the trials, by number."""
+        """The trials with the numbers `rows`."""
         found = object.__new__(Motions)
         vars(found).update(vars(self) | {"trials": tuple(self.trials[int(row)] for row in rows)})
         if not found.trials:
@@ -130,23 +130,25 @@ class Motions:
 
     @classmethod
     def from_csv(cls, file: str | Path, **given: Any) -> Motions:
-        """Motions from a table (see `measured.tables.read_csv`); other arguments as above."""
+        """Motions from the table in `file`, with columns `time`, `trial` and those of coordinates; the
+        arguments `given` are those of `Motions`."""
         return cls(**tables.read_csv(Path(file)) | given)
 
     @classmethod
     def from_datasets(cls, data: xarray.Dataset | Sequence[xarray.Dataset], **given: Any) -> Motions:
-        """Motions from datasets, one a trial, with `position` over `time` and `coordinate`, and `velocity`,
-        as `Run.trajectory` has them; other arguments as above."""
+        """Motions from `data`, one dataset for each trial, with `position` over `time` and `coordinate`, and
+        `velocity`, as in `Run.trajectory`; the arguments `given` are those of `Motions`."""
         return cls(**tables.read_datasets(data) | given)
 
     @classmethod
     def from_runs(cls, runs: Any, **given: Any) -> Motions:
-        """Motions from the recorded frames of a run or of runs; other arguments as above."""
+        """Motions from the recorded frames of a run or of runs; the arguments `given` are those
+        of `Motions`."""
         return cls(**tables.read_runs(runs) | given)
 
     @keywords
     def save(self, file: str | Path) -> None:
-        """Write the table that `from_csv` reads. Raises OSError."""
+        """Write the table that `from_csv` reads to `file`. Raises OSError."""
         first = self.trials[0]
         others = [*first.parameters, *first.inputs]
         rates = [f"speed({name})" for name in self.rates] if first.v is not None else []

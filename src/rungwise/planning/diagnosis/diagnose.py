@@ -107,12 +107,12 @@ class Diagnosis(ByContent):
         ]
 
     def called(self, before: str, after: str) -> Diagnosis:
-        """The same between stages of these names."""
+        """The same diagnosis, with the names `before` and `after` for its two stages."""
         return replace(self, before=before, after=after)
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Diagnosis:
-        """A diagnosis from its summary."""
+        """A diagnosis from the `values` of its summary."""
         kept = {each.name: values[each.name] for each in fields(cls) if each.name in values}
         kept |= {name: tuple(kept[name]) for name in ("causes", "ends", "tols")}
         return cls(**kept | {"inputs": tuple(Segment(**segment) for segment in kept["inputs"])})

@@ -63,8 +63,11 @@ CLOSED = 2e-3
 
 
 class Proposal(NamedTuple):
-    """What was done where something differed: when, why, whether a part was found that leads on, whether it
-    is what was left as it was, steps of the planner's runs that it took, and seconds."""
+    """What the policy did when the measured state differed from the plan.
+
+    time: when; why: what differed; found: whether a way on was found; kept: whether this is the rest of the
+    plan as it was; steps: simulated steps that the proposal took; seconds: the time that it took.
+    """
 
     time: float
     why: str
@@ -75,12 +78,13 @@ class Proposal(NamedTuple):
 
 
 class Policy:
-    """A controller that follows a plan from the measured state. Call it with what is measured; it returns the
-    inputs to hold next, by name, or to ramp to where `ramp` is true. It goes on from call to call: `restart`
-    begins anew.
+    """A controller that follows a plan from the measured state. Call it with an observation, a state or a
+    simulation. It returns the next inputs by name: values to hold, or to ramp to if `ramp` is true. It goes
+    on from call to call; `restart` begins the plan anew.
 
-    status, reason: "following"; "re-proposing", with why; "lost", with why: nothing is known that leads on,
-    and inputs are those that are left, or stand still. proposals: those that were made, with what they took.
+    status: "following", "re-proposing" or "lost". A lost policy knows no way on: it returns the remaining
+    inputs of the plan, or stands still. reason: why it re-proposes or is lost. proposals: all proposals so
+    far, with the steps and seconds that they took.
     """
 
     @keywords
@@ -95,14 +99,15 @@ class Policy:
     ) -> None:
         """
         Args:
-            model: rung on which proposals are run; if none is given, the cheapest on which the plan was found
-                and from which it held on all later stages.
-            budget: steps of one proposal, at most, after which no further run begins; as many as a move of
-                re-planning may take if none are given.
-            limit: seconds of one proposal, at most; with a limit what is proposed depends on the machine.
-            average: over so many measurements the errors of places are averaged, against noise.
+            plan: the plan to follow.
+            model: rung on which proposals are run; by default the cheapest on which the plan was found and
+                from which it held on all later stages.
+            budget: greatest number of steps of a proposal, after which no further run begins; by default as
+                for a move of re-planning.
+            limit: greatest number of seconds of a proposal; with a limit proposals depend on the machine.
+            average: number of measurements over which errors of places are averaged, against noise.
 
-        Raises TaskError where there is no plan, or one of places only.
+        Raises TaskError if there is no plan, or one of places only.
         """
         if plan.stage is None or not plan.found:
             raise TaskError(f"plan: there is none. {plan.reason}")

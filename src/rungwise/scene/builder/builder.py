@@ -65,8 +65,16 @@ class SceneBuilder:
         about: str | None = None,
         is_input: bool = False,
     ) -> Symbol:
-        """A named number that users and sets may vary, and schedules where it is an input; returned
-        for use in expressions."""
+        """Add a number that users and sets may vary; it is returned for use in expressions.
+
+        Args:
+            name: its name.
+            default: the value if none is given.
+            range: least and greatest value.
+            unit: such as "m/s" or "deg".
+            about: a sentence for people.
+            is_input: whether schedules may change it during a run.
+        """
         _new("parameters", name, self.parameters)
         self.parameters[name] = part(None, {"default": default, "range": range, "unit": unit, "about": about})
         if is_input:
@@ -92,8 +100,22 @@ class SceneBuilder:
         support: Part | None = None,
         raised: Number | None = None,
     ) -> None:
-        """A rigid body. `pose` is (x, y) or (x, y, angle); a drive may stand for a coordinate that has only
-        this."""
+        """Add a rigid body. Numbers may be expressions of parameters; what is not given has the default of
+        the scene file.
+
+        Args:
+            name: its name in contacts, conditions and results.
+            role: "robot", "object" or "obstacle".
+            shape: a shape of `rungwise.parts`, or several.
+            pose: (x, y) or (x, y, angle), where all coordinates are 0.
+            motion: `parts.fixed`, `slide`, `hinge` or `free`.
+            coordinates: by name, `parts.coordinate` with start, travel and drive; a drive alone will do.
+            mass, density: the mass, or the mass per area.
+            centre, inertia: centre of mass in the body's frame, and inertia about it.
+            force, torque: on the centre of mass, in world axes.
+            support: `parts.support`, friction with the plane on which a free body lies.
+            raised: of a robot, its height above the plane.
+        """
         given = {key: value for key, value in locals().items() if key not in ("self", "name")}
         _new("bodies", name, self.bodies)
         if isinstance(pose, Sequence) and len(pose) in (2, 3):
@@ -117,7 +139,18 @@ class SceneBuilder:
         angular_damping: Number | None = None,
         coordinate: Part | None = None,
     ) -> None:
-        """Holds two bodies together; of the kind `weld`, `hinge` or `slide`."""
+        """Add a joint that holds two bodies together.
+
+        Args:
+            name: its name.
+            kind: "weld", "hinge" or "slide".
+            between: names of the two bodies.
+            at: the point of the joint in the world, with all bodies in their poses.
+            axis: direction of a slide.
+            stiffness, damping: of the directions that are held; rigid if not given.
+            angular_stiffness, angular_damping: of the angle that a weld or a slide holds.
+            coordinate: `parts.coordinate`, travel and drive of the free direction or angle.
+        """
         given = {key: value for key, value in locals().items() if key not in ("self", "name")}
         _new("joints", name, self.joints)
         if coordinate is not None:
@@ -144,7 +177,20 @@ class SceneBuilder:
         adhesion_range: Number | None = None,
         impact: str | None = None,
     ) -> None:
-        """Bodies that may touch, by name or with ``*``, and how; the first entry that fits a pair holds."""
+        """Add an entry of bodies that may touch; the first entry that fits a pair applies.
+
+        Args:
+            one, other: names of bodies; ``*`` matches any part of a name.
+            friction: Coulomb coefficient.
+            restitution, impact: of rigid impacts, and whether it is "newton" (of speeds) or "poisson" (of
+                impulses).
+            stiffness, damping: normal, on compliant rungs.
+            tangential_stiffness, tangential_damping: tangential; as the normal ones if not given.
+            coupling_stiffness, coupling_damping: off the diagonal.
+            static_friction: coefficient up to which a contact that sticks holds.
+            yield_speed: speed of approach above which restitution falls.
+            adhesion, adhesion_range: pull of each contact point, and the greatest gap at which it pulls.
+        """
         fields = {key: value for key, value in locals().items() if key not in ("self", "one", "other")}
         self.contacts.append(part(None, {"between": [one, other]} | fields))
 
@@ -157,7 +203,14 @@ class SceneBuilder:
         target: Number | None = None,
         on: Sequence[str] | None = None,
     ) -> None:
-        """Energy ``stiffness/2 (sum of factor * coordinate - target)^2`` whose gradient drives `on`."""
+        """Add the energy ``stiffness/2 (sum of factor * coordinate - target)^2``.
+
+        Args:
+            stiffness: of the spring.
+            terms: the factor of each coordinate, by the coordinate's name ("body.x").
+            target: the sum at which the energy is 0.
+            on: coordinates that the gradient drives; by default those of robots.
+        """
         given = {key: value for key, value in locals().items() if key != "self"}
         self.potentials.append(part(None, given))
 

@@ -99,7 +99,8 @@ class DoomedSet(LabelledSet):
 
     @keywords
     def holds_on(self, model: Rung | str) -> tuple[bool, str]:
-        """Whether states doomed here are doomed on another rung with the same inputs, and why."""
+        """Whether the states that are doomed here are also doomed on the rung `model` with the same inputs,
+        and why."""
         other = moving_rung(model)
         if other == self.model:
             return True, "it is the same rung"
@@ -115,9 +116,16 @@ class DoomedSet(LabelledSet):
     def beside_rule(
         self, n: int = POINTS, seed: int = 4, threads: int | None = None, *, limit: float | None = None
     ) -> dict[str, float]:
-        """Parts of n random states in the box that are doomed here and by the scene's own rule ("both"),
-        "only here", and "only by rule" (which is no contradiction: this set is found too small). After
-        `limit` seconds parts are of all, those "not run" among them."""
+        """Compare the set with the scene's own rule `doomed` at random states of the box. The answer has the
+        parts of the states that are doomed by "both", "only here", and "only by rule"; the last is no
+        contradiction, because this set is found too small.
+
+        Args:
+            n: number of states.
+            seed: seed by which the states are drawn.
+            threads: number of threads; all cores if not given.
+            limit: seconds; states that have not been run by then are the part "not run".
+        """
         deadline = Deadline(seconds(limit))
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))

@@ -111,9 +111,16 @@ class FeasibleSet(LabelledBox):
         self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None,
         limit: float | None = None,
     ) -> Certified:  # fmt: skip
-        """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson). After `limit`
-        seconds the points whose runs had begun count, and unfinished ones count as wrong, because
-        points with long runs may be wrong more often."""
+        """Run fresh random points, and bound the rate of wrong labels (Clopper and Pearson).
+
+        Args:
+            n: number of points.
+            delta: the bound holds with a confidence of 1 - delta.
+            seed: seed by which the points are drawn.
+            threads: number of threads; all cores if not given.
+            limit: seconds, after which only points whose runs had begun count. Unfinished runs count as
+                wrong, because points with long runs may be wrong more often.
+        """
         deadline = Deadline(seconds(limit))
         if n < 1 or not 0.0 < delta < 1.0:
             raise SetError("certify: n must be at least 1, and delta lie in 0..1")
@@ -136,13 +143,14 @@ class FeasibleSet(LabelledBox):
         return Certified(n, count, int((wrong & near).sum()), bound, delta)
 
     def random(self, n: int, seed: int) -> Reals:
-        """Points (n, d), uniform in the box."""
+        """Points (n, d), drawn by `seed` uniformly in the box."""
         low, high = self.box.T
         return np.asarray(np.random.default_rng(seed).uniform(low, high, (n, len(low))))
 
     @keywords
     def volumes(self, n: int = 100_000, seed: int = 2) -> dict[str, float]:
-        """Part of the box that each label takes, from n random points (standard error up to 0.5 / sqrt n)."""
+        """Part of the box that each label takes, from n random points drawn by `seed` (standard error up to
+        0.5 / sqrt n)."""
         found = np.bincount(self.labels(self.random(n, seed)), minlength=len(Label)) / n
         return {str(label): float(found[label]) for label in Label if found[label] > 0.0}
 
@@ -158,12 +166,13 @@ class FeasibleSet(LabelledBox):
 
     @keywords
     def to_csv(self, file: str | Path) -> Path:
-        """Write all runs and all located boundary points as a table; see `rungwise.sets.feasible.export`."""
+        """Write all runs and all located boundary points to `file` as a table; returns the file."""
         return export.to_csv(self, file)
 
     @keywords
     def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
-        """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
+        """Write the boundary of the part with this label, over two or three parameters, to `file`; its ending
+        is .obj or .stl."""
         return export.to_mesh(self, file, label)
 
     @cached_property

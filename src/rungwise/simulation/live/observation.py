@@ -43,7 +43,7 @@ class Contacts(ByContent):
         return len(self.bodies)
 
     def of(self, one: str, other: str | None = None) -> list[int]:
-        """Numbers of the contacts of a body, or of two bodies with each other."""
+        """Numbers of the contacts of the body `one`, or of those that it has with the body `other`."""
         wanted = {one} if other is None else {one, other}
         return [k for k, pair in enumerate(self.bodies) if wanted <= set(pair)]
 
@@ -72,12 +72,13 @@ class Observation(ByContent):
         return float(self.q[_number(name, self.names)])
 
     def speed(self, name: str) -> float:
-        """A velocity ("part.x", in space also "part.rx"). Raises ObservationError."""
+        """The velocity with this name ("part.x", in space also "part.rx"). Raises ObservationError for an
+        unknown name."""
         return float(self.v[_number(name, self.rates)])
 
     def force(self, one: str, other: str | None = None) -> float:
-        """The normal force between two bodies, or all that presses on one; 0 where nothing touches. Raises
-        ObservationError for an unknown body."""
+        """The normal force between the bodies `one` and `other`, or the sum of the normal forces on `one`; 0
+        if nothing touches. Raises ObservationError for an unknown body."""
         for name in (one,) if other is None else (one, other):
             _number(name, self.bodies)
         return float(self.contacts.pushes[self.contacts.of(one, other)].sum())

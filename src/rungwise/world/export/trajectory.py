@@ -77,8 +77,8 @@ class JointTrajectory(ByContent):
 
     @keywords
     def save(self, file: str | Path) -> Path:
-        """Write the table (.csv) or the message (.json), whole or not at all. Raises ExportError for another
-        ending, and OSError."""
+        """Write the table (.csv) or the message (.json) to `file`, whole or not at all. Raises ExportError
+        for another ending, and OSError."""
         target = Path(file)
         if target.suffix.lower() not in SUFFIXES:
             raise ExportError(f"file: must end in {listed(SUFFIXES)}, not {shown(target.name)}")
