@@ -161,9 +161,10 @@ def explain(
     Args:
         models: rungs; all that move if not given.
         held_out: the part of the trials that is not fitted, drawn by the seed; or other motions.
-        scene, motions, over, box, parameters, span, moments, step, tol, limit, seed, threads, out, resume,
-            keep_interrupted: as for `fit`, which is called for each rung. Parameters that a rung does not
-            read are left out of its fit; each rung has a folder of its own in `out`.
+        scene, motions, over, box, parameters, span, moments, step, tol: as for `fit`, which is called for
+            each rung. Parameters that a rung does not read are left out of its fit.
+        limit, seed, threads, out, resume, keep_interrupted: as for `fit`; each rung has a folder of its own
+            in `out`.
         on_progress: as for `fit`, and besides told the name of the rung.
 
     Scores are errors over spans of the same length for all rungs.

@@ -41,18 +41,19 @@ def fit(
 ) -> Fit:
     """Find the parameters `over` with which runs of a scene on a rung come nearest to measured motions.
 
-    Runs begin at measured states and last `span`; their errors are weighed by the deviation of the
-    measurement and by what it makes of the start (`rungwise.fitting.weights`), with a robust loss
-    (`rungwise.fitting.loss`). The whole box is sampled first, then least squares goes on from the best
-    samples (`rungwise.fitting.search`).
+    Runs begin at measured states and last `span`; their errors are weighted by the deviation of the
+    measurement, and by the deviation of the start that follows from it (`rungwise.fitting.weights`), with a
+    robust loss (`rungwise.fitting.loss`). The whole box is sampled first, then least squares goes on from
+    the best samples (`rungwise.fitting.search`).
 
     Args:
         scene, model: as for `simulate`. Goals and other conditions of the scene end no run.
         motions: measured trials. Starts that overlap are moved out by the least motion.
         over: names of the parameters to find, each in its range, or in `box`.
-        parameters: values of other parameters; what the motions know of each trial comes before.
+        parameters: values of other parameters; values that the motions give for a trial take
+            precedence.
         span: how long runs last, in the scene's time; whole trials where it is `inf`. If not given, a quarter
-            of the median trial, or half of a touch's share of it where bodies come to touch more than twice.
+            of the median trial, or half of the time per touch if bodies come to touch more than twice.
         moments: frames of a span that are compared, at most.
         step, tol, threads: as for `rollout`; where neither step nor tol is given, tol is a thousandth of
             the size of what moves, a hundredth of that where contacts yield to momentum, and less until that

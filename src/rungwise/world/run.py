@@ -137,7 +137,7 @@ def simulate(
         parameters: values by name; the scene's defaults for all others.
         step: length of fixed steps; or tol: error allowed per step, which then chooses the lengths. If
             neither is given, steps have the scene's own length.
-        duration: end of the run, in the scene's time; span: the time of which a tenth is the longest step.
+        duration: end of the run, in the scene's time; span: ten times the longest step allowed.
         theta: of the theta rule, 1/2 to 1, on the dynamic compliant rung.
         motion: preferred velocities by coordinate, if the model admits several motions.
         state: at which the run begins; inputs: a schedule of segments (see `Segment`).
@@ -145,7 +145,7 @@ def simulate(
             the run holds next: values by name, an array (u,), or None, which leaves them; rate: how often it
             is asked in a unit of the scene's time. The run goes on to `duration`; its `inputs` say what it
             was told.
-        frames: most states that are recorded, every `stride` steps.
+        frames: greatest number of states that are recorded; one is recorded every `stride` steps.
         save_hard: folder for the problems of hard steps.
 
     `RunOptions` describes each option in full.

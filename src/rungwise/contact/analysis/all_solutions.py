@@ -52,7 +52,7 @@ _INFEASIBLE, _UNBOUNDED = 2, 3
 def solutions(
     problem: Problem | ContactProblem, *, nodes: int = NODES, limit: float | None = None
 ) -> Solutions:
-    """All solutions, one piece for each contact mode that has any, and their `Kind`.
+    """All solutions of `problem`, one piece for each contact mode that has any, and their `Kind`.
 
     For problems whose laws are polyhedral: frictionless, or planar (LCPs and boxes too). Work grows with the
     modes, 4 for each contact, of which most are excluded early, or held at once by the piece of a solution

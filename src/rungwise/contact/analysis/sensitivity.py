@@ -379,8 +379,8 @@ def _units(matrix: Array) -> Array:
 @keywords
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
     """Sensitivity at the answer (`solution`) of `solve(problem)`; `active`: relative size below which forces
-    and rates of a contact count as zero. Raises ValueError unless it is solved, and of
-    `problem`."""
+    and rates of a contact count as zero. Raises ValueError unless the answer is
+    solved, and belongs to `problem`."""
     if not isinstance(problem, ContactProblem) or not isinstance(solution, ContactSolution):
         raise ValueError("problem, solution: must be a ContactProblem and what `solve` gives for it")
     if solution.status != Status.SOLVED:

@@ -174,8 +174,8 @@ def verify(
             after each move the actual state is read, and the rest planned anew with the plan's own
             parameters; "feedback": the plan's policy leads the run from measured places (see `Plan.policy`).
             The plan's own mode if not given.
-        noise: with feedback, standard deviation of the measured places of objects, in the scene's lengths; of
-            turns over how far objects reach.
+        noise: with feedback, standard deviation of the measured places of objects, as a length; for
+            angles it is divided by the reach of the object.
         rate: with re-planning and feedback, sampling ends as soon as the bound of success can no longer reach
             this rate.
         limit: seconds after which the call returns with the samples that were run; see `unfinished`.

@@ -78,14 +78,14 @@ def run_sensitivity(
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
 
-    In space derivatives are by differences of runs (see `SpaceSensitivity`), by "q", "v" and "parameters",
-    among which inputs are; by parameters alone if nothing is asked.
+    In space derivatives are by differences of runs (see `SpaceSensitivity`), with respect to "q", "v" and
+    "parameters" (inputs included); by default to parameters alone.
 
     Raises:
         ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
             limit of travel or a new feature reached within it.
-        LimitError: `limit` seconds are over before all steps, and all differences, are taken: a derivative of
-            some of them is no part of the whole.
+        LimitError: `limit` seconds are over before all steps, and all differences, are taken: the derivative
+            after fewer steps would be another answer.
     """
     deadline = Deadline(seconds(limit))
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:

@@ -31,8 +31,8 @@ def mjcf(
 
     Args:
         scene: a scene in space, or a source that `load` takes.
-        states: states of it; the scene's start if not given. Controls are those that the run told then, or
-            those that the parameters tell.
+        states: states of it; the scene's start if not given. Controls are those of the run at that time, or
+            follow from the parameters.
         parameters: values by name, with which the model's numbers are set.
         whole: whether the model is written, or the keyframes alone, for `<include>` in a file of one's own.
 
