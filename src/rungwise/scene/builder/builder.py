@@ -40,6 +40,17 @@ class SceneBuilder:
         step: Number | None = None,
         task: Part | None = None,
     ) -> None:
+        """
+        Args:
+            name: of the scene.
+            about: a sentence for people.
+            units: units of length, mass and time in which the scene counts.
+            gravity: acceleration of every body that moves.
+            goal, unsafe, doomed: conditions that end a run with that outcome.
+            tolerance: gap that counts as closed in conditions.
+            duration, step: end of the run, and length of a step.
+            task: what planners may do, as a mapping of the fields of a scene file.
+        """
         self.name, self.about, self.gravity = name, about, gravity
         self.units = None if units is None else dict(units)
         self.goal, self.unsafe, self.doomed = goal, unsafe, doomed
