@@ -21,9 +21,9 @@ from .errors import InputError
 from .fitting.explain import Explanation, explain
 from .fitting.fit import fit
 from .fitting.found import Fit, Residual
-from .fitting.log import FitError
 from .fitting.measured.errors import MotionError
 from .fitting.measured.motions import Motions
+from .fitting.predict import FitError
 from .hierarchy.compare import compare
 from .hierarchy.comparison import Comparison
 from .hierarchy.counterexample import Counterexample, load_counterexample

@@ -7,6 +7,7 @@ from typing import Any
 
 from rungwise.content import ByContent
 from rungwise.fitting.score import Phase
+from rungwise.fitting.unlike import Unlike
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
@@ -51,9 +52,10 @@ class Fit(ByContent):
     in the order of `over`; open: parameters that the motions do not determine, by name, with a line on each;
     alike: sets of values, if several fit alike, which the intervals join; residuals: by coordinate; phases:
     errors of short spans, by phase (flight, impact, sliding, rest); misfit: loss of the errors divided by its
-    value if measurement and starts were the only errors (then 1), median over trials; trials, spans: their
-    numbers; span: length of a span; moved: greatest length by which overlapping starts were moved; ended:
-    fraction of runs that reached the end of their span; loss: the robust loss; runs: number of runs;
+    value if measurement and starts were the only errors (then 1), median over trials; unlike: what of the
+    errors is least like those of motions that the rung makes, None where `misfit` decides; trials, spans:
+    their numbers; span: length of a span; moved: greatest length by which overlapping starts were moved;
+    ended: fraction of runs that reached the end of their span; loss: the robust loss; runs: number of runs;
     unfinished: the work that a limit left undone, in words; wall_s.
     """
 
@@ -77,11 +79,12 @@ class Fit(ByContent):
     wall_s: float
     unfinished: str = ""
     alike: tuple[Alike, ...] = ()
+    unlike: Unlike | None = None
 
     @property
     def outside(self) -> bool:
         """Whether no parameters explain the motions within the deviation of the measurement."""
-        return self.misfit > OUTSIDE
+        return self.misfit > OUTSIDE or (self.unlike is not None and self.unlike.is_so)
 
     @property
     def ok(self) -> bool:
@@ -141,6 +144,12 @@ class Fit(ByContent):
     @property
     def verdict(self) -> str:
         """Whether the measurement's deviation explains what is left, in words."""
+        if self.unlike is not None and self.unlike.is_so:
+            return (
+                f"outside: no parameters of {', '.join(self.over)} explain the motions; {self.unlike.what} is"
+                f" {self.unlike.distance:.3g} deviations from what the rung makes, where"
+                f" {self.unlike.limit:.3g} may be chance"
+            )
         if self.outside:
             return (
                 f"outside: no parameters of {', '.join(self.over)} explain the motions; errors weigh"
@@ -157,6 +166,7 @@ class Fit(ByContent):
             "alike": [vars(each) for each in self.alike],
             "residuals": [vars(each) for each in self.residuals],
             "phases": [vars(each) for each in self.phases], "misfit": self.misfit,
+            "unlike": None if self.unlike is None else self.unlike._asdict(),
             "outside": self.outside, "verdict": self.verdict, "trials": self.trials, "spans": self.spans,
             "span": self.span, "moved": self.moved, "ended": self.ended, "loss": self.loss,
             "runs": self.runs, "wall_s": self.wall_s, "unfinished": self.unfinished,

@@ -1,21 +1,27 @@
-"""Runs of many candidate parameters through all spans at once, and their errors."""
+"""Runs of many candidate parameters through all spans at once, and their errors.
+
+Every finished batch may be kept on disk. A fit asks for batches that depend only on the request and on the
+answers before; a restart asks for the same ones, and takes their answers from the log until it ends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.deadline import NEVER, Deadline, TimeOver
-from rungwise.fitting.log import Log
+from rungwise.errors import InputError
 from rungwise.fitting.measured.layout import Compared
 from rungwise.fitting.measured.spans import Spans
 from rungwise.fitting.measured.starts import Parting
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.stored import Batches
 from rungwise.world.arguments import asked
 from rungwise.world.find import world_of
 
@@ -23,6 +29,30 @@ TOGETHER = 100_000
 """Moments of runs that are made in one call: what is kept of each takes some kilobytes."""
 STOPPED = (Code.MISSED, Code.TIMEOUT, Code.JAMMED)
 """Outcomes of runs that came to the end of their span, or rest there."""
+
+
+class FitError(InputError):
+    """A folder of a fit is wrong; one line that names the fault."""
+
+
+class Log(Batches):
+    """The finished batches of one request in a folder. Raises FitError (see `Batches`)."""
+
+    def __init__(self, folder: Path, request: Mapping[str, object], resume: bool) -> None:
+        super().__init__(folder, request, resume, "fit", FitError)
+        self._number = -1
+
+    def next(self) -> tuple[Reals, NDArray[np.bool_], Reals] | None:
+        """Errors, which runs ended, and how far starts were moved, of the next batch, if it is kept."""
+        self._number += 1
+        kept = self.kept(self._number)
+        if kept is None or not {"errors", "ended", "moved"} <= kept.keys():
+            return None
+        return kept["errors"], kept["ended"], kept["moved"]
+
+    def add(self, errors: Reals, ended: NDArray[np.bool_], moved: Reals) -> None:
+        """Keep the batch that `next` did not have."""
+        self.keep(self._number, errors=errors, ended=ended, moved=moved)
 
 
 class Predicted(NamedTuple):

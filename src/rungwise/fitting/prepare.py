@@ -13,12 +13,11 @@ import numpy as np
 from rungwise.deadline import Deadline
 from rungwise.errors import InputError
 from rungwise.fitting.box import Box, box_of
-from rungwise.fitting.log import Log
 from rungwise.fitting.measured.errors import MotionError
 from rungwise.fitting.measured.layout import Layout, laid_out
 from rungwise.fitting.measured.motions import Motions, check_parameters
 from rungwise.fitting.measured.spans import Spans, spans_of
-from rungwise.fitting.predict import Predictor
+from rungwise.fitting.predict import Log, Predictor
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
@@ -31,6 +30,8 @@ FINE_YIELDING = 1e-5
 """The same where contacts yield to momentum: an impact lasts a few steps, and these damp it."""
 FINEST = 1e-6
 """The least that is taken where values are known so well that coarser steps change them."""
+DENSE = 3
+"""Moments of whole trials by which these are tested, over those of a span in a fit."""
 SHORT = 5
 """Short spans, by which phases are told apart, in one of the default length; and their moments."""
 
@@ -84,6 +85,10 @@ class Prepared:
     def spans(self) -> Spans:
         """The spans of the fit."""
         return spans_of(self.scene, self.layout, self.options.span, self.options.moments, self.given)
+
+    def whole_trials(self) -> Spans:
+        """Spans that last as long as the trials."""
+        return spans_of(self.scene, self.layout, float("inf"), DENSE * self.options.moments, self.given)
 
     def short(self) -> Spans:
         """Short spans."""

@@ -10,11 +10,11 @@ import numpy as np
 
 from rungwise.deadline import Deadline, LimitError, TimeOver
 from rungwise.fitting.certainty import Certainty, certainty
-from rungwise.fitting.found import Alike, Fit, Residual
-from rungwise.fitting.log import Log
+from rungwise.fitting.found import OUTSIDE, Alike, Fit, Residual
 from rungwise.fitting.loss import EXPECTED, bend, by_trial, losses, typical_losses
 from rungwise.fitting.measured.spans import Spans
-from rungwise.fitting.predict import Predictor
+from rungwise.fitting.measured.touching import touching
+from rungwise.fitting.predict import Log, Predictor
 from rungwise.fitting.prepare import Prepared
 from rungwise.fitting.score import Phase, phase_of, phases
 from rungwise.fitting.search import (
@@ -31,6 +31,7 @@ from rungwise.fitting.search import (
     worse,
 )  # fmt: skip
 from rungwise.fitting.telling import telling
+from rungwise.fitting.unlike import SPANS, Unlike, begins_clear, unlike
 from rungwise.fitting.weights import NORMAL_MEDIAN, Weights, by_sensitivity, free_flight, unexplained
 from rungwise.kernel import Ints, Reals
 
@@ -84,7 +85,7 @@ class Search:
 
     def found(self, keep_interrupted: bool = False) -> Fit:
         """The fit, as far as the time allows. Raises LimitError."""
-        unfinished, sure, told = "", None, _Told((), float("nan"), (), float("nan"))
+        unfinished, sure, told = "", None, _Told((), float("nan"), (), float("nan"), None)
         try:
             self._drop_unread()
             if self._box.names:
@@ -298,7 +299,34 @@ class Search:
             rows = np.random.default_rng(self._seed).permutation(len(short.spans.trial))[:BRIEF]
             short = short.on(short.spans.take(np.sort(rows)))
         by_phase = phases(short, self._layout, point, phase_of(short, self._layout, point))
-        return _Told(tuple(found), misfit, by_phase, float(predicted.ended.mean()))
+        unlike_ = None if misfit > OUTSIDE else self._unlike()
+        return _Told(tuple(found), misfit, by_phase, float(predicted.ended.mean()), unlike_)
+
+    def _unlike(self) -> Unlike | None:
+        """The test of the errors against those that the rung makes itself, in whole trials, and in spans
+        where velocities were measured: those by regression beside an impact are off by more than noise."""
+        prepared, box, k = self._prepared, self._box, len(self._box.names)
+        unit, covariance = np.zeros(0), np.zeros((0, 0))
+        if self._state is not None:
+            (best, weights), many = self._state, self._part(MANY)
+            unit = best.unit
+            here = best_of(many, box, weights, unit[None])
+            total = derivatives(many, box, weights, here)[2].sum(axis=0)
+            covariance = np.linalg.inv(total + BOX_PRECISION * np.eye(k))
+        closed = touching(prepared.scene, self._layout, prepared.given)
+        lengths = []
+        lengths_of = {"whole trials": prepared.whole_trials()}
+        if all(each.trial.v is not None for each in self._layout.trials):
+            lengths_of["spans"] = self._whole.spans
+        for name, spans in lengths_of.items():
+            clear = np.flatnonzero(begins_clear(self._layout, closed, spans))
+            rows = np.random.default_rng(self._seed).permutation(clear)[:SPANS]
+            if len(rows):
+                lengths.append((name, self._whole.on(spans.take(np.sort(rows)))))
+        if not lengths:
+            return None
+        known = set(prepared.motions.coordinates) <= set(prepared.motions.deviations)
+        return unlike(lengths, self._layout, box, unit, covariance, self._seed, known)
 
     def _fit(self, sure: Certainty | None, told: _Told, unfinished: str) -> Fit:
         sought, box, whole = self._prepared.box, self._box, self._whole
@@ -333,7 +361,7 @@ class Search:
             trials=len(set(whole.spans.trial.tolist())), spans=len(whole.spans.trial),
             span=float(whole.spans.durations.sum(axis=1).max()), moved=float(whole.moved.max(initial=0.0)),
             ended=told.ended, loss=best, runs=int(whole.made[0]), wall_s=time.monotonic() - self._began,
-            unfinished=unfinished,
+            unfinished=unfinished, unlike=told.unlike,
         )  # fmt: skip
 
 
@@ -344,6 +372,7 @@ class _Told(NamedTuple):
     misfit: float
     phases: tuple[Phase, ...]
     ended: float
+    unlike: Unlike | None
 
 
 def _misfit(spans: Spans, weights: Weights, errors: Reals) -> float:

@@ -165,13 +165,13 @@ def rates_at(layout: Layout, scene: Any, frames: Frames, rows: Ints) -> tuple[Re
         if moving[k] and name in names:
             column = names.index(name)
             v[:, k] = found.rates[:, column]
-            deviations[:, k] = found.gain[:, column] * layout.start[column]
+            deviations[:, k] = found.gain[:, column] * np.maximum(found.own[:, column], layout.start[column])
     for four in layout.compared.turns:
         body = names[four[0]].rsplit(".", 1)[0]
         columns = [velocities.index(f"{body}.{axis}") for axis in ("rx", "ry", "rz")]
         v[:, columns] = 2.0 * _body_rate(frames.q[rows][:, four], found.rates[:, four])
-        gain = found.gain[:, four].max(axis=1, keepdims=True)
-        deviations[:, columns] = gain * 2.0 * layout.start[four[0]]
+        scatter = np.maximum(found.own[:, four], layout.start[four])
+        deviations[:, columns] = 2.0 * (found.gain[:, four] * scatter).max(axis=1, keepdims=True)
     return v, deviations
 
 

@@ -26,12 +26,14 @@ class Smooth(NamedTuple):
     """Of columns (k, n) at r frames: values and rates (r, n), nan where too few frames are near; scatter
     (r, n): root of the mean square of what is left of the window about each, per degree of freedom; gain
     (r, n): deviation of a rate over that of a frame. At the end of a window it is 3.6 times as great as in
-    its middle: so it is where a trial begins, and beside impacts."""
+    its middle: so it is where a trial begins, and beside impacts; own (r, n): scatter of that window, which
+    is great where none is free of an impact."""
 
     values: Reals
     rates: Reals
     scatter: Reals
     gain: Reals
+    own: Reals
 
 
 def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
@@ -39,7 +41,7 @@ def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
     k, n = columns.shape
     window, known = min(WINDOW, k), _Regressions()
     shape = (len(rows), n)
-    found = Smooth(*(np.full(each, np.nan) for each in (shape,) * 4))
+    found = Smooth(*(np.full(each, np.nan) for each in (shape,) * 5))
     for row, at in enumerate(rows.tolist()):
         middle = _within(at - window // 2, window, k)
         others = {_within(at - window + 1, window, k), _within(at, window, k)} - {middle}
@@ -56,6 +58,7 @@ def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
             best[better] = BENT * scatter[better] if first == middle else scatter[better]
             found.values[row, better] = polynomial[0, better]
             found.rates[row, better] = polynomial[1, better] / unit
+            found.own[row, better] = scatter[better]
             found.gain[row, better] = float(np.linalg.norm(inverse[1])) / unit
             if first == middle:
                 found.scatter[row] = scatter
