@@ -136,6 +136,7 @@ GALLERY: dict[str, Panels] = {
     "squeeze": ladder("squeeze", STILL, QUASI, mu=0.3, angle=0.85),
     "peg_in_hole": ladder("peg_in_hole", STILL, QUASI, x=1e-3, angle=-0.017),
     "snap": ladder("snap", QUASI, SOFT),
+    "micro_pick": ladder("micro_pick", STILL, QUASI),
     "part_feeder": ladder("part_feeder", FIRM, SOFT, arrival=-1.0),
     "grasp": ladder("grasp", QUASI, SOFT, inputs=CLOSE),
     **{name: ladder(name, QUASI, SOFT, inputs=schedule(name)) for name in PLANNED},
