@@ -6,10 +6,12 @@ for the rows i of one limit surface, at most three. Algorithm: semismooth Newton
 projection on the unit ball. Each of its linear pieces is a step's problem with force-limited rows, which the
 chain solves: while the body sticks, the rows as they are (a box, about the ball); while it slips, the row
 along the force, limited, and across it rows that yield, u_across + rho t_across = 0. Where directions do not
-settle, or a piece has no solution, all rows yield by the power of the solution before (Weiszfeld's iteration,
-which descends; with a secant), for a few turns, and Newton goes on from there. Source:
-Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart and Curnier, Comput. Methods Appl.
-Mech. Eng. 92 (1991) 353-375.
+settle, or a piece has no solution, surfaces that slip are damped for a few turns: the force along the motion
+grows with its speed, about the speed of the solution before (the proximal point method in velocities). Later,
+all rows yield by the power of the solution before (Weiszfeld's iteration, which descends; with a secant).
+Newton goes on from there. Source: Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart
+and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control Optim. 14 (1976)
+877-898.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from rungwise.simulation.core.chains import solve_in_plane
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
-STUCK, SLIPS, YIELDS = 0, 1, 2
+STUCK, SLIPS, DAMPED, YIELDS = 0, 1, 2, 3
 """Pieces of the law that a problem is made of."""
 DIRECTIONS, TURNS, ROUNDS = 8, 4, 200
 """Problems after which directions count as not settled, of one iteration before the other has its turn (the
@@ -41,6 +43,8 @@ descending one has twice as many each time), and after which the law counts as n
 LOOSE = 1e3
 """Limit of a row that yields, over its own: far above what the law allows, and finite, so that the chain can
 tell great forces from the forces of a singular mode."""
+DAMPING = 0.3
+"""Slope of a damped force over its speed, over the force per speed. Chosen by trial, to a decade."""
 FAR = 10.0
 """Farthest that the secant goes, as a factor."""
 EXACT = 1e-10
@@ -64,26 +68,26 @@ def solve_supported(
         row.offset = problem.w_s[r]
         row.scale = row.tried = 0.0
     _measure(contacts, limited, n, state.v, False, terms, state, scratch)
-    _aim(limited, False, terms, scratch)
-    status, found, stage, loosened = NO_SOLUTION, math.inf, 0, False
-    unsettled, until, spell = False, DIRECTIONS, TURNS
+    _aim(limited, False, False, terms, scratch)
+    status, found, stage, damped = NO_SOLUTION, math.inf, 0, False
+    unsettled, descends, until, spell = False, False, DIRECTIONS, TURNS
     for turn in range(ROUNDS):
         _fill(contacts, limited, n, terms, state, scratch, problem)
         status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
         if status != SOLVED:
-            if loosened or not _loosen(limited, terms, scratch):
+            if damped or not _damp(limited, terms, scratch):
                 break
-            loosened = True
+            damped = True
             continue
-        loosened = False
+        damped = False
         for i in range(n):
             scratch.v_new[state.free[i]] = scratch.x[i]
         _measure(contacts, limited, n, scratch.v_new, True, terms, state, scratch)
         if turn == until:
-            unsettled = not unsettled
+            unsettled, descends = not unsettled, spell > TURNS
             until += spell if unsettled else TURNS
             spell *= 2 if unsettled else 1
-        apart, met = _aim(limited, unsettled, terms, scratch)
+        apart, met = _aim(limited, unsettled, descends, terms, scratch)
         if met:
             _hand_over(contacts, limited, terms, scratch)
             return SOLVED, max(found, apart), stage
@@ -196,7 +200,7 @@ def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float
     """Part of row j of the surface in direction m of the problem: Householder's reflection takes the first
     direction to the force."""
     same = 1.0 if m == j else 0.0
-    if scratch.support[first].piece != SLIPS:
+    if scratch.support[first].piece in (STUCK, YIELDS):
         return same
     lead = math.copysign(1.0, scratch.support[first].along)
     a = scratch.support[_member(first, m, terms)].along + (lead if m == 0 else 0.0)
@@ -205,7 +209,7 @@ def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float
 
 
 @kernel
-def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> tuple[float, bool]:
+def _aim(limited: int, unsettled: bool, descends: bool, terms: Terms, scratch: Scratch) -> tuple[float, bool]:
     """Set the piece of the law that each surface asks for; returns the greatest distance from the law, and
     whether all laws are met, as far as rounding of speeds allows."""
     worst, met, rounding = 0.0, True, ROUNDED * _fastest(limited, terms, scratch)
@@ -233,11 +237,14 @@ def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> tuple
         if lead.scale > 0.0:
             allowed += min(rounding * terms.limit[first] / lead.scale, VAGUE)
         met &= math.sqrt(apart) <= allowed
-        if unsettled and power > EXACT * lead.scale:
+        slips, moves = length > 1.0 - EXACT, unsettled and power > EXACT * lead.scale
+        if moves and descends:
             lead.yields = _ahead(lead, power) if lead.piece == YIELDS else power
             lead.piece = YIELDS
+        elif moves and slips:
+            lead.piece, lead.yields, lead.tried = DAMPED, power, 0.0
         else:
-            lead.piece = SLIPS if length > 1.0 - EXACT else STUCK
+            lead.piece = SLIPS if slips else STUCK
             lead.yields, lead.tried = lead.scale * max(length - 1.0, 0.0), 0.0
     return worst, met
 
@@ -271,8 +278,8 @@ def _ahead(lead: Record, power: float) -> float:
 
 
 @rare_kernel
-def _loosen(limited: int, terms: Terms, scratch: Scratch) -> bool:
-    """Let the surfaces that slip yield by their last power; returns whether anything slips."""
+def _damp(limited: int, terms: Terms, scratch: Scratch) -> bool:
+    """Let the surfaces that slip be damped; returns whether anything slips."""
     slips = False
     for first in range(limited):
         size, lead, power = leads(first, limited, terms), scratch.support[first], 0.0
@@ -280,7 +287,7 @@ def _loosen(limited: int, terms: Terms, scratch: Scratch) -> bool:
             power += scratch.support[_member(first, j, terms)].power ** 2
         if size > 0 and lead.piece == SLIPS:
             slips = True
-            lead.piece, lead.yields = (YIELDS, math.sqrt(power)) if power > 0.0 else (STUCK, 0.0)
+            lead.piece, lead.yields = (DAMPED, math.sqrt(power)) if power > 0.0 else (STUCK, 0.0)
     return slips
 
 
@@ -297,7 +304,7 @@ def _fill(
             r = _member(first, m, terms)
             unit = terms.limit[r if lead.piece == STUCK else first]
             p.R_s[r] = p.w_s[r] = 0.0
-            p.F[r] = LOOSE * unit if lead.piece == YIELDS else unit
+            p.F[r] = LOOSE * unit if lead.piece in (DAMPED, YIELDS) else unit
             scratch.limited_force[r], scratch.mode[contacts + r] = 0.0, STICK
             for i in range(n):
                 p.S[r, i] = 0.0
@@ -307,13 +314,17 @@ def _fill(
                 p.w_s[r] += part * scratch.support[own].offset
                 for i in range(n):
                     p.S[r, i] += part * terms.limited[own, state.free[i]]
-            if lead.piece == YIELDS or (lead.piece == SLIPS and m > 0):
+            if lead.piece != STUCK and (m > 0 or lead.piece != SLIPS):
                 p.R_s[r] = lead.yields / (unit * unit)
-        if size > 0 and lead.piece == SLIPS:
+        if size > 0 and lead.piece in (SLIPS, DAMPED):
             # The reflection takes the first direction to the opposite of a positive force.
-            side = -math.copysign(1.0, lead.along)
-            scratch.limited_force[first] = side * terms.limit[first]
-            scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
+            side, unit = -math.copysign(1.0, lead.along), terms.limit[first]
+            scratch.limited_force[first] = side * unit
+            if lead.piece == DAMPED:
+                p.R_s[first] /= DAMPING
+                p.w_s[first] += side * lead.yields * (1.0 - 1.0 / DAMPING) / unit
+            else:
+                scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
 
 
 @kernel
