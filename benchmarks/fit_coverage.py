@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.fitting.found import OUTSIDE
 
 PLACE, TURN, SPEED, RATE = 3e-4, 3e-3, 2e-2, 2e-1
 """Deviations of the measurement: m, rad, m/s, rad/s."""
@@ -244,7 +243,8 @@ CASES = {
 @dataclass(frozen=True)
 class Draw:
     """One fit: case, seed, whether each true value lay in its interval, widths of intervals over their
-    ranges, whether what is open was named, and whether something else was; misfit, and processor seconds."""
+    ranges, whether what is open was named, and whether something else was; misfit, whether motions are
+    outside, and processor seconds."""
 
     case: str
     seed: int
@@ -253,6 +253,7 @@ class Draw:
     named: bool
     wrongly: bool
     misfit: float
+    outside: bool
     cpu_s: float = field(compare=False)
 
 
@@ -272,7 +273,7 @@ def drawn(name: str, seed: int, trials: int) -> Draw:
         name, seed, {each: bool(low <= true[each] <= high) for each, (low, high) in ends.items()},
         {each: float((high - low) / np.ptp(ranges[each])) for each, (low, high) in ends.items()},
         set(case.open) <= set(found.open), bool(set(found.open) - set(case.open)), found.misfit,
-        time.process_time() - began,
+        found.outside, time.process_time() - began,
     )  # fmt: skip
 
 
@@ -286,7 +287,7 @@ def table(draws: list[Draw]) -> str:
         within = ", ".join(f"{n} {np.mean([each.within[n] for each in own]):.1%}" for n in over)
         widths = ", ".join(f"{n} {np.median([each.widths[n] for each in own]):.2g}" for n in over)
         named = f"{np.mean([each.named for each in own]):.0%}" if CASES[name].open else ""
-        shares = [np.mean(x) for x in ([e.wrongly for e in own], [e.misfit > OUTSIDE for e in own])]
+        shares = [np.mean(x) for x in ([e.wrongly for e in own], [e.outside for e in own])]
         cells = (name, len(own), within, widths, named, *(f"{each:.0%}" for each in shares))
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines)

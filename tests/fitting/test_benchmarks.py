@@ -92,7 +92,7 @@ def test_draws_that_are_done_are_not_made_again(
 ) -> None:
     coverage, out = script("benchmarks/fit_coverage.py", monkeypatch), tmp_path / "draws.jsonl"
     draw = {"case": "impacts", "within": {"mu": True, "e": False}, "widths": {"mu": 0.1, "e": 0.2}}
-    draw |= {"named": True, "wrongly": False, "misfit": 1.0, "cpu_s": 2.0}
+    draw |= {"named": True, "wrongly": False, "misfit": 1.0, "outside": False, "cpu_s": 2.0}
     rest = '{"case": "impacts", "se'  # the run was killed while it wrote
     out.write_text("".join(json.dumps(draw | {"seed": seed}) + "\n" for seed in range(4)) + rest)
     monkeypatch.setattr("sys.argv", [

@@ -304,7 +304,8 @@ class Search:
 
     def _unlike(self) -> Unlike | None:
         """The test of the errors against those that the rung makes itself, in whole trials, and in spans
-        where velocities were measured: those by regression beside an impact are off by more than noise."""
+        where velocities were measured: those by regression beside an impact are off by more than noise. Runs
+        without inertia do not read them."""
         prepared, box, k = self._prepared, self._box, len(self._box.names)
         unit, covariance = np.zeros(0), np.zeros((0, 0))
         if self._state is not None:
@@ -316,10 +317,12 @@ class Search:
         closed = touching(prepared.scene, self._layout, prepared.given)
         lengths = []
         lengths_of = {"whole trials": prepared.whole_trials()}
-        if all(each.trial.v is not None for each in self._layout.trials):
+        fast = prepared.rung.inertia > 0.0
+        measured = all(each.trial.v is not None for each in self._layout.trials)
+        if (measured or not fast) and len(self._whole.spans.trial) > len(lengths_of["whole trials"].trial):
             lengths_of["spans"] = self._whole.spans
         for name, spans in lengths_of.items():
-            clear = np.flatnonzero(begins_clear(self._layout, closed, spans))
+            clear = np.flatnonzero(begins_clear(self._layout, closed, spans) | (not fast))
             rows = np.random.default_rng(self._seed).permutation(clear)[:SPANS]
             if len(rows):
                 lengths.append((name, self._whole.on(spans.take(np.sort(rows)))))
