@@ -82,7 +82,7 @@ FAULTS = (
     ),
     Fault(
         "limit-reached-one-way", "src/rungwise/contact/step/residual.py",
-        "min(max(x - s * per_velocity, -bound), bound)", "max(x - s * per_velocity, -bound)",
+        "min(max(x - opens, -bound), bound)", "max(x - opens, -bound)",
         ("tests/contact/test_residual.py",), "a drive has no limit in one direction",
     ),
     Fault(

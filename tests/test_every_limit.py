@@ -28,10 +28,11 @@ FILES = {
 }  # fmt: skip
 """Read or write what is there."""
 NAMES = {
-    "add_world", "balance", "bind", "body", "boxes", "called", "changed", "check_begun", "checked", "contact",
+    "add_world", "balance", "bind", "bind_values", "body", "boxes", "called", "changed", "check_begun",
+    "checked", "contact",
     "data", "designed", "equals", "goal", "holds_on", "how", "joint", "lcp", "levels", "local", "mlcp",
     "names", "normalise", "numbers", "observe", "of", "of_step", "parameter", "parameters", "potential",
-    "record",
+    "record", "restart",
     "schema", "shipped", "shipped_in_space", "start", "summary", "task_numbers", "timetable",
     "with_inertia",
 }  # fmt: skip
@@ -162,6 +163,15 @@ def led(scene: str) -> AnyRun:
     return found
 
 
+def astray(policy: rw.Policy) -> rw.Policy:
+    """A policy that has no time for a proposal where the box lies elsewhere."""
+    start = rw.State.of(policy.plan.scene, parameters=policy.plan.parameters)
+    q = start.q + 0.1 * np.array(["box" in name for name in start.names])
+    policy(rw.State(start.names, q, start.v))
+    assert policy.status == "lost" and "limit" in policy.reason
+    return policy
+
+
 Call = Callable[[Given], Any]
 """A call without time."""
 CALLS: dict[str, tuple[Call, Says]] = {
@@ -180,6 +190,7 @@ CALLS: dict[str, tuple[Call, Says]] = {
     "plan": (lambda _: rw.plan("push", task_seed=4, limit=0), lambda found: found.reason),
     "Plan.replay": (lambda on: on.get("planned").replay(limit=0), running),
     "Plan.joint_trajectory": (lambda on: on.get("planned").joint_trajectory(limit=0), text),
+    "Plan.policy": (lambda on: astray(on.get("planned").policy(limit=0)), lambda policy: policy.reason),
     "Plan.mjcf": (lambda on: on.get("planned").mjcf(limit=0), text),
     "Plan.plot": (lambda on: on.get("planned").plot(limit=0), lambda figure: drawn(figure)),
     "plot": (lambda on: rw.plot(on.get("planned"), limit=0), lambda figure: drawn(figure)),

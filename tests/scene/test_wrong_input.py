@@ -475,7 +475,7 @@ WRONG: dict[str, tuple[object, ...]] = {
         "t < (t < 1)",
         "a\nb",
         LONG,
-        " or ".join(["t < 1"] * 200),
+        "t < " + "+".join("t" * 200),
     ),
     CHOICE: (None, True, 3, "", "zzz", LONG, "a\nb", [], {}, object(), b"point"),
     MODEL: (None, True, 3, math.nan, HUGE, "", "foo", LONG, 1.5, object(), b"x"),

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.deadline import TimeOver
+from rungwise.deadline import TimeOver, seconds
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
@@ -30,7 +30,7 @@ from rungwise.planning.plan import HELD, NOTHING, PLACES_ONLY, Plan
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 from rungwise.simulation.live.observation import Observation
-from rungwise.simulation.options import count, moving_rung, positive
+from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.state import State, StateError
 from rungwise.world.carriers import Surroundings, TaskError, apart
 from rungwise.world.contract import OBJECT
@@ -117,7 +117,7 @@ class Policy:
         self._task = task_of(plan.scene, plan.parameters)
         self._stage = adequate(plan) if model is None else Stage(moving_rung(model), plan.stage.tol)
         self._steps = world.replanning_steps if budget is None else count("budget", budget, 1)
-        self._limit = None if limit is None else positive("limit", limit)
+        self._limit = seconds(limit)
         self._average = count("average", average, 1)
         self._around: Surroundings | None = world.surroundings(plan.parameters)
         self._firm = self._firmness()
@@ -241,11 +241,11 @@ class Policy:
                 )  # fmt: skip
                 found = self._rest.anew(work, self._levels)
         except TimeOver:
-            fault = f"the budget of a proposal was spent: {budget.spent.total()} steps"
+            fault = f"the budget of a proposal, or its limit, was spent: {budget.spent.total()} steps"
         except (InputError, np.linalg.LinAlgError) as error:
             fault = str(error)
-        seconds = clock.perf_counter() - began
-        self.proposals.append(Proposal(now, why, found is not None, keeps, budget.spent.total(), seconds))
+        took = clock.perf_counter() - began
+        self.proposals.append(Proposal(now, why, found is not None, keeps, budget.spent.total(), took))
         if found is None:
             self._lose(now, f"{why}; {fault}")
             return

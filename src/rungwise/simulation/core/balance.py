@@ -104,10 +104,10 @@ def _passed_on(trial: Trial, unbalanced: float, a: int) -> float:
 @rare_kernel
 def _tied_to(trial: Trial, a: int) -> float:
     """What the loads and resistances of other coordinates ask of coordinate a through equalities, however
-    many lie between: an equality's force, by the motion that it alone forbids, is an average of the forces
-    that act on its coordinates."""
+    many lie between, where its own are nothing beside them: an equality's force, by the motion that it alone
+    forbids, is an average of the forces that act on its coordinates."""
     terms, state, scratch = trial.terms, trial.state, trial.scratch
-    clock, passed, tied = state.clock[0], scratch.x, 0.0
+    clock, passed, tied, own = state.clock[0], scratch.x, 0.0, _borne(trial, a)
     for i in range(clock.free):
         passed[i] = _borne(trial, state.free[i])
     for _ in range(clock.limited):
@@ -118,7 +118,7 @@ def _tied_to(trial: Trial, a: int) -> float:
         if state.free[i] == a:
             tied = passed[i]
         passed[i] = scratch.v_new[state.free[i]]  # as the solution was
-    return tied
+    return tied if own <= _ROUNDING * tied else 0.0
 
 
 @rare_kernel
