@@ -99,21 +99,34 @@ class Deadline:
                 raise  # not by this limit
             raise LimitError(f"limit: the time was over before {what}; give more time") from None
 
-    @contextmanager
-    def running(self, *cells: Ints) -> Iterator[Deadline]:
+    def running(self, *cells: Ints) -> Running:
         """Within the context `halt`, and each of these cells (1,), is set when the time is over."""
-        ended = [self.halt, *cells]
-        if self.is_over:
-            _fill(ended, 1)
+        return Running(self, [self.halt, *cells])
+
+
+class Running:
+    """The context of `Deadline.running`: a class, since steps that are taken one by one each enter it."""
+
+    __slots__ = ("_cells", "_deadline")
+
+    def __init__(self, deadline: Deadline, cells: list[Ints]) -> None:
+        self._deadline, self._cells = deadline, cells
+
+    def __enter__(self) -> Deadline:
+        if self._deadline.is_over:
+            _fill(self._cells, 1)
         with _IN_TURN:
-            _RUNNING[id(ended)] = ended
-        try:
-            with set_at(self.ends, ended):
-                yield self
-        finally:
-            with _IN_TURN:
-                del _RUNNING[id(ended)]
-                _fill(ended, 0)
+            _RUNNING[id(self)] = self._cells
+        if self._deadline.ends < math.inf:
+            _ALARMS.add(self._deadline.ends, self._cells)
+        return self._deadline
+
+    def __exit__(self, *_: object) -> None:
+        if self._deadline.ends < math.inf:
+            _ALARMS.remove(self._cells)
+        with _IN_TURN:
+            del _RUNNING[id(self)]
+            _fill(self._cells, 0)
 
 
 class Alarms:
@@ -160,15 +173,12 @@ if hasattr(os, "register_at_fork"):
 
 @contextmanager
 def set_at(ends: float, cells: list[Ints]) -> Iterator[None]:
-    """Within the context each of these cells (1,) is set when this time of the monotonic clock has come, if
-    it is finite."""
-    if ends < math.inf:
-        _ALARMS.add(ends, cells)
+    """Within the context each of these cells (1,) is set when this time of the monotonic clock has come."""
+    _ALARMS.add(ends, cells)
     try:
         yield
     finally:
-        if ends < math.inf:
-            _ALARMS.remove(cells)
+        _ALARMS.remove(cells)
 
 
 _RUNNING: dict[int, list[Ints]] = {}

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import Running
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -133,12 +133,10 @@ class MovingSimulation(Turns, Kind):
         if self.outcome == Code.RUNNING:
             self.deadline.look()
 
-    @contextmanager
-    def running(self, stepper: Stepper) -> Iterator[None]:
+    def running(self, stepper: Stepper) -> Running:
         """Within the context steps raise TimeOver where the deadline has come."""
         stepper.deadline = self.deadline
-        with self.deadline.running(stepper.scratch.halt):
-            yield
+        return self.deadline.running(stepper.scratch.halt)
 
     def steps_taken(self, count: int, *, limit: float | None = None) -> int:
         """Take at most so many steps; returns how many, fewer where the run has ended, or `limit` seconds are
