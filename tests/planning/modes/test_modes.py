@@ -16,6 +16,7 @@ from rungwise.planning.modes.balance import modes, motion, rests
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.follow import follow
 from rungwise.planning.modes.forces.cones import PART, SLIDE
+from rungwise.planning.modes.frames import weights_of
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner
@@ -523,3 +524,14 @@ def test_a_tree_that_does_not_come_to_the_goal_leads_along_its_path() -> None:
 
     assert led(course[:0]) is None
     assert far(ground, led(course)[-1].way.places[-1], course) >= 3
+
+
+@pytest.mark.parametrize("weights", [{}, {"x": 1.0, "y": 1.0}, {"x": 2.0}])
+def test_turns_that_a_task_does_not_weigh_have_a_length_all_the_same(weights: dict[str, float]) -> None:
+    """Balance and ways divide by these lengths."""
+    task = task_of(rw.load("grasp"))
+    weighed = np.array([weights.get(name.split(".")[1], 0.0) for name in task.scene.template.coordinates])
+    own = replace(task, weights=weighed if weights else task.rates)
+    columns = np.flatnonzero(task.rates > 0.0)
+    found = weights_of(own, columns)
+    assert (found > 0.0).all() and found[0] == weights.get("x", 1.0)

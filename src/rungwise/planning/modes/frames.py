@@ -59,8 +59,10 @@ def drawn_in_space(q: Reals, rows: Reals, of: Turned, rng: np.random.Generator) 
 
 
 def weights_of(task: Task, columns: Ints) -> Reals:
-    """What velocities (k,) weigh in lengths: as their coordinates, where these are the same."""
-    return np.array((task.rates if len(task.turns) else task.weights)[columns])
+    """What velocities (k,) weigh in lengths: as their coordinates, where these are the same, and a turn that
+    the task does not weigh as its lever."""
+    weights = task.rates if len(task.turns) else task.weights
+    return np.where(weights > 0.0, weights, task.rates)[columns]
 
 
 def asks_turn(task: Task, body: str) -> bool:
