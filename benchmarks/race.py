@@ -6,7 +6,7 @@ Two fingers: ten speed ratios r around the capture band, which is [1/2, 2] witho
 0.5 (compliant, C = 1e4: from 0.5040 to 1.9841). All engines take the same steps and stop by the same rule.
 Times are of whole runs, set-up included: medians of repeats that alternate between the engines. The others
 are stepped from Python, as their users do; rungwise's loop is compiled. The second table is of the engines'
-own loops, in which nobody reads or sets anything: `mj_step` with `nstep`, bare `world.Step` and `space.step`,
+own loops, in which nobody reads or sets anything: `mj_step` with `nstep`, bare `Step` and `step` of a world,
 `simulate`; times are of a step of a long run, and rates of whole runs to their verdicts, which rungwise makes
 with `rollout` at its usual `tol` on one thread, and the others one by one as above. A block on a slope: what
 it creeps where friction should hold it, its acceleration where it should not, and the most that it rises off

@@ -69,7 +69,7 @@ class AnyRun:
     @property
     @abstractmethod
     def states(self) -> list[State]:
-        """The states of the recorded frames, in the order of `trajectory.time`."""
+        """The states of the recorded frames, in the order of its times."""
 
     @property
     @abstractmethod

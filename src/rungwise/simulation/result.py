@@ -82,7 +82,7 @@ class Run(AnyRun):
 
     @property
     def states(self) -> list[State]:
-        """The states of the recorded frames, in the order of `trajectory.time`."""
+        """The states of the recorded frames, in the order of its times."""
         if self.workspace is None:
             return []
         count, scene = int(self.workspace.state.clock[0]["frames"]), digest(self.scene)

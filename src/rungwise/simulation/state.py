@@ -50,7 +50,7 @@ class Memory:
 
     @property
     def clock(self) -> Record:
-        """The clock of the run (see `planar.workspace.CLOCK`)."""
+        """The clock of the run (see `planar.state.workspace.CLOCK`)."""
         return self.values[: planar.CLOCK.itemsize // 8].view(planar.CLOCK)[0]
 
     def __post_init__(self) -> None:

@@ -46,7 +46,7 @@ class MovingRun(AnyRun):
 
     @cached_property
     def states(self) -> list[State]:
-        """The states of the recorded frames, in the order of `trajectory.time`."""
+        """The states of the recorded frames, in the order of its times."""
         names, scene = self.scene.template.coordinates, digest(self.scene)
         return [
             State(

@@ -1,5 +1,5 @@
 """Steps that are taken back, because a condition begins to hold on their way: as in the plane (see
-`planar.verdicts.look_back` and `planar.inputs.shortened`)."""
+`planar.state.verdicts.look_back` and `planar.state.inputs.shortened`)."""
 
 from __future__ import annotations
 

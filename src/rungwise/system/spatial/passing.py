@@ -4,7 +4,8 @@ Convex geoms apart have a separating axis: the normal of their contact. On the w
 along with either body or stay as it is: the distance of the geoms along it is then a minimum of smooth
 functions of time, each at least its chord less 1/8 of its greatest second derivative. Where that bound does
 not exclude a passage the way is taken in parts, each with axes of its own: conservative advancement (Mirtich,
-Impulse-based dynamic simulation, 1996) with axes instead of distances, as in the plane (`planar.passing`).
+Impulse-based dynamic simulation, 1996) with axes instead of distances, as in the plane
+(`planar.state.passing`).
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def mjcf(
     whole: bool = True,
 ) -> str:
     """A scene of a MuJoCo model as the text of an MJCF file, with a keyframe for each state: time, qpos, qvel
-    and controls in full, called state0, state1, ... `mj_resetDataKeyframe` puts MuJoCo there.
+    and controls in full, called state0, state1, ... MuJoCo is put there as into any keyframe.
 
     Args:
         scene: a scene in space, or a source that `load` takes.

@@ -1,9 +1,9 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
-Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
-on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
-Newton's method in velocities (`spatial_newton`), and where that does not end by the proximal point method
-(`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
+Algorithm: rows are sorted by islands of bodies that touch (`rows`). An island that rests, or moves
+on, by the forces of the last step is left alone; the others are solved by sweeps (`sweeps`) and
+Newton's method in velocities (`newton`), and where that does not end by the proximal point method
+(`proximal`), from there or from an interior point (`path`). Each is tried with forces
 beside rates as bodies alone would answer, and as the problem's loads are beside the rates that it demands:
 where next to nothing resists a motion, other contacts and drives answer. The last try takes the answer of the
 body that yields least. Accepts: H positive definite, three or four directions. Promises: SOLVED only with a

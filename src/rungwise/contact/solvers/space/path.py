@@ -4,8 +4,8 @@ Algorithm: as `interior_point`: forces z and rates w stay inside Lorentz's cones
 their product is a multiple of the unit, down to zero, with Nesterov and Todd's scaling and a predictor; w_n
 is the normal rate plus mu times the slip, which is linearised with the rest. A limited row stays between two
 limits; a row without limits yields a little about its last force. Changes of forces are eliminated group by
-group, as in `spatial_newton`, whose equations serve. Sources: those of `interior_point`.
-Accepts: what `spatial_newton` accepts. Promises: some twenty factorisations however redundant contacts are,
+group, as in `space.newton`, whose equations serve. Sources: those of `interior_point`.
+Accepts: what `space.newton` accepts. Promises: some twenty factorisations however redundant contacts are,
 where friction does not couple too strongly; among many solutions one in the midst of them.
 """
 

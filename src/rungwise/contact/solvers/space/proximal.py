@@ -1,12 +1,12 @@
 """The proximal point method on an island: forces yield a little about their last values.
 
-Algorithm: a sequence of subproblems, each by whole steps of Newton's method in velocities (`spatial_newton`),
+Algorithm: a sequence of subproblems, each by whole steps of Newton's method in velocities (`space.newton`),
 in which forces yield in proportion to the residual that is left: redundant contacts, whose rates disagree by
 next to nothing, move their forces by amounts of their own size then. The proportion falls while subproblems
 are solved and rises when one is not; where that does not help, sweeps go on from there. Sources: Rockafellar,
 SIAM J. Control Optim. 14 (1976) 877-898; Yamashita and Fukushima, Computing Suppl. 15 (2001) 239-249, for
 weights in proportion to the residual.
-Accepts: what `spatial_newton` accepts. Promises: nothing; the residual is returned.
+Accepts: what `space.newton` accepts. Promises: nothing; the residual is returned.
 """
 
 from __future__ import annotations

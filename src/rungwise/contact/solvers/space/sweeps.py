@@ -2,7 +2,7 @@
 
 Algorithm: a contact's normal force, given its friction, then its friction, projected on the disc of its
 normal force, a few times in turn; a limited row is cut off at its limits. Source: Jourdan, Alart, Jean,
-Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47. Accepts: what `spatial_newton` accepts. Promises: nothing;
+Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47. Accepts: what `space.newton` accepts. Promises: nothing;
 sweeps find which contacts carry, stick and slide, and leave the rest to Newton's method.
 """
 

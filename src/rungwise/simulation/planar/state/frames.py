@@ -64,7 +64,7 @@ def _thin(frames: Frames) -> None:
 
 @kernel
 def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Reals) -> None:
-    """Residual, energies and work, in the order of `state.SCALARS`."""
+    """Residual, energies and work, in the order of `workspace.SCALARS`."""
     state, terms, frames = workspace.state, workspace.terms, workspace.frames
     clock = state.clock[0]
     kinetic = 0.0

@@ -36,19 +36,19 @@ thickness of the thinnest pair. `gained` is energy that bounces added. In the st
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
 `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
-to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
+to its end (see `opened_contacts`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
 `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
 `lifts`: whether some body may be raised off the plane; `laws`: the sum of those of contact beside the common
 ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
-with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
+with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
 the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `planar.snaps`). At `mark`
+`snapped` says that such a motion ended the run (see `step.snaps`). At `mark`
 the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
-the last one, and `meets` is the slot of the contact that ended one (see `planar.blame`)."""
+the last one, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
 
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
@@ -64,7 +64,7 @@ class State(core.State):
     normal forces of the last two steps. Slots are two for each pair of shapes, then two travel limits for
     each coordinate and for each measure of a joint; the deformations and modes of the first ones are those of
     the manifolds, in the same memory. `prefer` (n,): preferred velocities in multiples of the pace (see
-    `planar.choice`), zero for the slowest motion; `wish` the same as velocities, while a motion is chosen.
+    `preferred_motion`), zero for the slowest motion; `wish` the same as velocities, while a motion is chosen.
     `memory` is all that a step hands on to the next, in one array: the clock, `values`, `start`, `levels`,
     `recent`, and what belongs to slots and limited rows are views of it. `start` (n + measures,): where
     servos without target are led from at t = 0, coordinates first, then measures of joints; of all
