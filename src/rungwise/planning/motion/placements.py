@@ -283,8 +283,8 @@ class Placing:
         return False
 
     def _asked(self, a: Reals, b: Reals, at: Reals) -> tuple[Reals, Reals, Reals, NDArray[np.bool_]]:
-        """At parts `at` (m,) of the way from a to b: gaps (m, c), marks of `Configurations.look`, what is
-        lacking (m,) until something is unsafe, infinite where nothing is, and whether the places are barred (m,)."""
+        """At parts `at` (m,) of the way from a to b: gaps (m, c), marks of `Configurations.look`, what
+        lacks (m,) until something is unsafe, infinite where nothing is, and whether the rows are barred."""
         rows = self.room.between(a, b, at)
         gaps, marks = self.room.look(rows)
         lacks = np.full(len(at), np.inf) if self._unsafe is None else self._unsafe.ask(rows).lack
