@@ -22,7 +22,7 @@ import siconos_peer
 from peer_process import Answer, Peer, Task
 
 import rungwise as rw
-from rungwise.contact.judge.verdict import judge
+from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.system import System, scaled
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)

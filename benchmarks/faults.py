@@ -62,12 +62,12 @@ FAULTS = (
         _CERTIFICATES, "drives resist with half their limit in a proof of missing support",
     ),
     Fault(
-        "judge-penetration-sign", "src/rungwise/contact/judge/verdict.py",
+        "judge-penetration-sign", "src/rungwise/contact/judge/residuals.py",
         "found[2] = max(found[2], -y[n])", "found[2] = max(found[2], y[n])", _RESIDUALS,
         "the judge tells opening as penetration",
     ),
     Fault(
-        "judge-own-weight", "src/rungwise/contact/judge/verdict.py",
+        "judge-own-weight", "src/rungwise/contact/judge/residuals.py",
         "OWN = 0.03", "OWN = 0.0", ("tests/contact/test_solve.py",),
         "violations beside a row's own terms do not count",
     ),
@@ -76,12 +76,12 @@ FAULTS = (
         "if abs(out[n]) < -y[n]:", "if abs(out[n]) < y[n]:", _RESIDUALS, "great friction hides penetration",
     ),
     Fault(
-        "residual-half-cone", "src/rungwise/contact/step/residual.py",
+        "residual-half-cone", "src/rungwise/contact/step/step_residual.py",
         "radius = p.mu[k] * max(normal, 0.0)", "radius = 0.5 * p.mu[k] * max(normal, 0.0)",
         ("tests/contact/test_residual.py",), "the disc of friction has half its radius",
     ),
     Fault(
-        "limit-reached-one-way", "src/rungwise/contact/step/residual.py",
+        "limit-reached-one-way", "src/rungwise/contact/step/step_residual.py",
         "min(max(x - opens, -bound), bound)", "max(x - opens, -bound)",
         ("tests/contact/test_residual.py",), "a drive has no limit in one direction",
     ),
@@ -190,7 +190,7 @@ FAULTS = (
     ),
     # Steps of controlled length.
     Fault(
-        "controlled-half-error", "src/rungwise/simulation/planar/step/controlled.py",
+        "controlled-half-error", "src/rungwise/simulation/planar/step/error_control.py",
         "error = disagreement(records, rung, control, 0.5 * h, workspace)",
         "error = 0.5 * disagreement(records, rung, control, 0.5 * h, workspace)",
         ("tests/simulation/test_order.py::test_controlled_steps_are_as_long_as_their_error_allows",),

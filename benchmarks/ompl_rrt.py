@@ -19,7 +19,8 @@ import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.lift.stages import COARSE
-from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Stage
+from rungwise.planning.motion.budget import Budget, Stage
+from rungwise.planning.motion.propagate import GOES_ON, Places
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import instances, task_of
 

@@ -46,7 +46,7 @@ from relatives import relative
 import rungwise as rw
 from rungwise.planning.lift.lift import TENTH
 from rungwise.planning.modes import planner
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 

@@ -45,8 +45,8 @@ from .planning.execution.policy import Policy
 from .planning.execution.verify import Verification, verify
 from .planning.lift.lift import plan
 from .planning.lift.stages import StageError
+from .planning.motion.budget import Stage
 from .planning.motion.free_paths import PlannerMissing
-from .planning.motion.propagate import Stage
 from .planning.plan import Plan, PlanError, load_plan
 from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
 from .planning.task.task import instances

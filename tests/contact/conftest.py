@@ -15,7 +15,7 @@ from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.planar import TOLERANCE, matrix_size, solve_planar
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.proximal import solve_proximal
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.step_residual import residual
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 import rungwise as rw
 from rungwise.contact.judge.farkas import check
-from rungwise.contact.judge.verdict import judge
+from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solvers.measure import natural

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.judge.verdict import judge
+from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.elimination import eliminated
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solve import SOLVERS

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.contact.analysis.pieces import check as check_solutions
 from rungwise.contact.judge.farkas import Infeasible, check
-from rungwise.contact.judge.verdict import judge
+from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.step.problem import ContactProblem, allocate_problem

@@ -11,9 +11,10 @@ import pytest
 import rungwise as rw
 from rungwise.deadline import TimeOver
 from rungwise.planning.lift import lift
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.motion.early_stops import Stops, best_stops
 from rungwise.planning.motion.objective import Aim
-from rungwise.planning.motion.propagate import Budget, Places
+from rungwise.planning.motion.propagate import Places
 from rungwise.planning.search import push_effects, shooting, tree
 from rungwise.world.planar.boundary import boundary
 

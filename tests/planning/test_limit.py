@@ -14,7 +14,7 @@ import rungwise as rw
 from rungwise.deadline import Deadline, TimeOver
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.lift import lift as climb
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import Work
 from tests.planning.members import push
 

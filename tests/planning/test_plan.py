@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.motion.propagate import Budget, Predictor
+from rungwise.planning.motion.budget import Budget
+from rungwise.planning.motion.propagate import Predictor
 from rungwise.planning.plan import Stage
 from rungwise.planning.search import problem as planning
 from rungwise.planning.task.reserve import tightened

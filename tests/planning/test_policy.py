@@ -10,7 +10,7 @@ import pytest
 import rungwise as rw
 from rungwise.planning.execution.policy import FOLLOWING, LOST, RE_PROPOSING, adequate
 from rungwise.planning.execution.timed import Timed
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 from rungwise.world.carriers import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
 

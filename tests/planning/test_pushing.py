@@ -9,7 +9,7 @@ import rungwise as rw
 from rungwise.planning.lift import repair as lift
 from rungwise.planning.lift import stages as schedule
 from rungwise.planning.motion import early_stops as stops
-from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.settle import rested
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search import problem as work

@@ -17,7 +17,7 @@ import rungwise as rw
 from rungwise.planning.execution.guards import guarded
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import bound_below
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.scene.scene import LIBRARY
 from rungwise.world.planar.world import PlanarWorld
 

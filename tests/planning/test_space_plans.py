@@ -15,7 +15,8 @@ import rungwise as rw
 from rungwise import cli
 from rungwise.outcome import Code
 from rungwise.planning.execution.feedback import Replanner
-from rungwise.planning.motion.propagate import Budget, Places, Predictor
+from rungwise.planning.motion.budget import Budget
+from rungwise.planning.motion.propagate import Places, Predictor
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 from rungwise.scene.space import SpaceScene

@@ -11,7 +11,8 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.motion.propagate import Budget, Places
+from rungwise.planning.motion.budget import Budget
+from rungwise.planning.motion.propagate import Places
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
 from rungwise.scene.space import SpaceScene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import begin
 from rungwise.planning.search.steering import SPREAD, Steering, fitted, nearest_change

@@ -24,7 +24,7 @@ from rungwise.contact.step import (
 )
 from rungwise.contact.step.planar import TOLERANCE
 from rungwise.contact.step.proximal import exertion
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints
 from rungwise.simulation.run import Simulation
 from rungwise.system.entries import CROWDED

@@ -13,13 +13,13 @@ import pytest
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import clip
-from rungwise.viewing.plane.html import KIND as PLANE
-from rungwise.viewing.plane.html import page as plane_page
+from rungwise.viewing.plane.run_page import KIND as PLANE
+from rungwise.viewing.plane.run_page import page as plane_page
 from rungwise.viewing.sets.html import KIND as SETS
 from rungwise.viewing.sets.html import page as sets_page
 from rungwise.viewing.skeleton import PAGE, Kind, fill, kept
-from rungwise.viewing.space.html import KIND as SPACE
-from rungwise.viewing.space.html import page as space_page
+from rungwise.viewing.space.run_page import KIND as SPACE
+from rungwise.viewing.space.run_page import page as space_page
 
 sys.path.insert(0, str(Path(__file__).parent))
 from space_films import ball_and_box

@@ -17,7 +17,7 @@ import rungwise as rw
 from rungwise.cli import app
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import Clip, clip
-from rungwise.viewing.plane.html import page
+from rungwise.viewing.plane.run_page import page
 
 RUNGS = ("quasistatic-rigid", "dynamic-rigid", "dynamic-compliant")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rungwise.contact.judge.farkas import Infeasible
-from rungwise.contact.judge.verdict import Residuals
+from rungwise.contact.judge.residuals import Residuals
 from rungwise.contact.problem import Array, Problem
 from rungwise.plain import brief
 

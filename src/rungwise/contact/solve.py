@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.contact.chain import run_chain
 from rungwise.contact.judge.farkas import Infeasible, proves
-from rungwise.contact.judge.verdict import Residuals, is_plain, judged, misses
+from rungwise.contact.judge.residuals import Residuals, is_plain, judged, misses
 from rungwise.contact.prepare.even import in_even_units
 from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.prepare.units import settle

@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.hierarchy.motions import MOVING, Bench, Motions, apart
 from rungwise.kernel import Reals
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 
 TOLS = (1e-2, 1e-3, 1e-4)
 """Errors allowed per step of the stages that are tried, over the size of what moves."""

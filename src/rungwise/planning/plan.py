@@ -25,7 +25,7 @@ from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnosis.deferred import Deferred
 from rungwise.planning.diagnosis.diagnose import Diagnosis, table
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown

@@ -9,7 +9,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.execute import Scene
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 

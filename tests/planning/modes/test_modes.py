@@ -21,7 +21,7 @@ from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner
 from rungwise.planning.modes.tree import far, propose
-from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
 from rungwise.world.find import world_of

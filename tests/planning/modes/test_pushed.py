@@ -12,7 +12,7 @@ import rungwise as rw
 from rungwise.planning.modes.balance import modes, motion
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.pushed import led_target
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 

@@ -12,7 +12,7 @@ import rungwise as rw
 from rungwise.deadline import Deadline
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.execution.remaining_legs import run_pieces
-from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 from rungwise.scene.scene import LIBRARY

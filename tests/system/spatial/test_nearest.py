@@ -7,7 +7,7 @@ from itertools import product
 import mujoco
 import numpy as np
 
-from rungwise.system.spatial.nearest import Nearest
+from rungwise.system.spatial.missed_contacts import Nearest
 from rungwise.system.spatial.passing import shapes
 
 FACED = ["cylinder", "mesh"]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.problem import Array
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING
 
 
 class Part(NamedTuple):

@@ -38,7 +38,7 @@ from rungwise.contact.judge.farkas import (
     excludes_given,
     hull,
 )
-from rungwise.contact.judge.verdict import in_own_terms
+from rungwise.contact.judge.residuals import in_own_terms
 from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.problem import Array, Problem
 from rungwise.plain import brief

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.judge.verdict import Residuals, Units, is_plain, judge_rows
+from rungwise.contact.judge.residuals import Residuals, Units, is_plain, judge_rows
 from rungwise.contact.prepare import schur
 from rungwise.contact.prepare.magnitudes import Magnitudes, faint_terms, largest, measure
 from rungwise.contact.prepare.system import Form

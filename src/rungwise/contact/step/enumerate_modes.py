@@ -14,7 +14,7 @@ import math
 from rungwise.contact.step.mode_newton import solve_mode
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, inner_kernel, kernel
 
 MAX_MODES = 5000

@@ -16,7 +16,7 @@ from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, kernel, rare_kernel
 
 TOLERANCE = 1e-8

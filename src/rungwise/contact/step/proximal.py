@@ -19,7 +19,7 @@ from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.step.mode_newton import flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel, rare_kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12

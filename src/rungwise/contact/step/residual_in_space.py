@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, imbalance, worse
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, worse
 from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 

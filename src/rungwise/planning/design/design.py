@@ -18,7 +18,7 @@ from rungwise.plain import cut
 from rungwise.planning.design.coarse_to_fine import Earlier, earlier_rungs, nothing, searched_earlier
 from rungwise.planning.design.tune import GRID, Tuner, centre
 from rungwise.planning.execution.verify import bound_below
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load

@@ -18,7 +18,7 @@ from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.task.task import fields_of, numbers_at
 from rungwise.scene.contract import AnyScene
 from rungwise.sets.cells.labels import Label

@@ -11,7 +11,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.planning.execution.policy import Policy
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.plan import Plan
 from rungwise.planning.task.task import task_of
 from rungwise.simulation.inputs import Segment

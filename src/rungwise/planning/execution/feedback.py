@@ -14,7 +14,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.execution.remaining_legs import Legs, inputs_of, run_pieces
-from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Predictor, Stage
+from rungwise.planning.motion.budget import Budget, Stage
+from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
 from rungwise.planning.plan import Plan
 from rungwise.planning.search.layout import Course, is_by_modes, lay_out
 from rungwise.planning.search.problem import Work, begin

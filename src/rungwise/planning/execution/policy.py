@@ -25,7 +25,8 @@ from rungwise.outcome import Code
 from rungwise.planning.execution.receding import rest_of, whole
 from rungwise.planning.execution.remaining_legs import PIECE, in_pieces
 from rungwise.planning.execution.timed import Timed, still, timed
-from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Stage
+from rungwise.planning.motion.budget import Budget, Stage
+from rungwise.planning.motion.propagate import GOES_ON, Places
 from rungwise.planning.plan import HELD, NOTHING, PLACES_ONLY, Plan
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

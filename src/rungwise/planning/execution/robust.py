@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rungwise.planning.execution.guards import guarded
 from rungwise.planning.execution.verify import verify
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, RE_PLANNING, Check, Plan
 
 

@@ -18,7 +18,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.planning.execution.fed_back import FedBack
 from rungwise.planning.execution.feedback import Replanner
-from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.plan import FEEDBACK, RE_PLANNING, Plan, plan_of
 from rungwise.planning.task.task import drawn, fields_of
 from rungwise.simulation.inputs import Segment

@@ -23,7 +23,7 @@ from rungwise.outcome import Code
 from rungwise.plain import cut
 from rungwise.planning.execution.guards import guarded
 from rungwise.planning.execution.trials import Trials, trials_at
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.plan import FEEDBACK, GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.fields.values import shown

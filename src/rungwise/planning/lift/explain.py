@@ -11,7 +11,7 @@ from rungwise.deadline import TimeOver
 from rungwise.planning.diagnosis.deferred import Deferred
 from rungwise.planning.diagnosis.diagnose import APART, Diagnosis, Watch
 from rungwise.planning.lift.geometric_stage import untouched
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 from rungwise.planning.plan import Plan
 from rungwise.planning.search.layout import Course
 from rungwise.planning.search.problem import Work

@@ -13,9 +13,9 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.diagnosis.diagnose import APART, Diagnosis
 from rungwise.planning.diagnosis.sentences import UNTOUCHED
+from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.free_paths import PlannerMissing
 from rungwise.planning.motion.placements import GOALS, Placing, jumps
-from rungwise.planning.motion.propagate import Stage
 from rungwise.planning.plan import NOTHING, Plan
 from rungwise.planning.search.problem import Work
 from rungwise.scene.contract import AnyScene

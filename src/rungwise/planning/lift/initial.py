@@ -10,7 +10,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.planner import suits
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 from rungwise.planning.plan import Plan
 from rungwise.planning.search.layout import ENDS
 from rungwise.planning.search.problem import Work

@@ -23,8 +23,8 @@ from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, p
 from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import needs_forces
-from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.plan import HELD, NOTHING, Plan, Record
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import is_by_modes

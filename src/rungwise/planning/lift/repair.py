@@ -13,8 +13,9 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.planning.modes.planner import anew_on, mode_planner
+from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.objective import Aim
-from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor, Stage
+from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
 from rungwise.planning.plan import HELD
 from rungwise.planning.search.layout import Course, counts_of, is_by_modes
 from rungwise.planning.search.problem import Found, Work, laid

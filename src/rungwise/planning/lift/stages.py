@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from rungwise.errors import InputError
 from rungwise.models.ladder import LADDER, QUASISTATIC_RIGID, Rung, rung
-from rungwise.planning.motion.propagate import Stage
+from rungwise.planning.motion.budget import Stage
 from rungwise.planning.task.fingers import with_fingers
 from rungwise.planning.task.task import Task
 from rungwise.scene.fields.values import shown

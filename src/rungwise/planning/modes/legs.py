@@ -13,7 +13,7 @@ from rungwise.planning.modes.arm_paths import arms_way
 from rungwise.planning.modes.balance import rests
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.tree import Leg
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import FOLLOW, TOUCH
 from rungwise.world.margins import Question

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-import time as clock
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Ints, Reals
-from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.turns import TURN_S
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.world import contract
 from rungwise.world.contract import Runs
 from rungwise.world.find import world_of
@@ -25,23 +19,8 @@ from rungwise.world.find import world_of
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
 """Outcomes after which a plan may go on with its next move."""
 
-SLOW = "too many steps"
-"""What is said of moves that take more steps than a search waits for."""
 PATIENCE = 10
 """How many times as many steps patient runs may take, such as those of plans that are laid out."""
-UNBOUNDED = 1_250_000
-"""Steps of which stages take their parts where a search has no bounds."""
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A rung and an accuracy: `tol` is the error allowed per step, as a part of the scene's size."""
-
-    model: Rung
-    tol: float
-
-    def __str__(self) -> str:
-        return f"{self.model.name} @ {self.tol:g}"
 
 
 class Places(NamedTuple):
@@ -66,93 +45,6 @@ class Ends(NamedTuple):
     switches: Ints
     work: Reals
     at: Callable[[int, Ints], Places]
-
-
-class Budget:
-    """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
-    more, and time is left of `limit` seconds; `cut`: how many parts of it ended by the time. `tell` is called
-    about ten times a second while runs go on."""
-
-    def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
-        self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
-        self.end = Deadline(seconds(limit))
-        self.cut = 0
-        self.tell: Callable[[], None] = _nothing
-        self._told = clock.monotonic()
-
-    def look(self, _done: object = None) -> None:
-        """Called again and again while runs go on. Raises TimeOver."""
-        if not self.is_in_time():
-            raise TimeOver("in a search")
-        self.announce()
-
-    def announce(self, _done: object = None) -> None:
-        """Tell how far it is, about ten times a second."""
-        if clock.monotonic() - self._told >= TURN_S:
-            self.tell()
-            self._told = clock.monotonic()
-
-    def take(self, stage: Stage, steps: int, outcomes: Ints, slow: int = 0) -> None:
-        """Count steps, and moves by their outcomes; so many more were `slow`, ended by a bound of steps."""
-        self.spent[str(stage)] += steps
-        if slow:
-            self.outcomes[SLOW] += slow
-        for code, count in enumerate(np.bincount(outcomes)):
-            if count:
-                self.outcomes[Code(code).name.lower()] += int(count)
-
-    @contextmanager
-    def part(self, share: float) -> Iterator[None]:
-        """Allow only this part of the steps and of the time that are left, until the end of the context; of
-        `UNBOUNDED` steps where neither is bounded, so that all stages have their turns."""
-        most, end, spent = self.most, self.end, self.spent.total()
-        if most is not None or end.ends == math.inf:
-            self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
-        self.end = end.part(share)
-        try:
-            yield
-        finally:
-            self.cut += not self.is_in_time()
-            self.most, self.end = most, end
-
-    @property
-    def deadline(self) -> Deadline:
-        """When the time is over, with a halt of its own."""
-        return Deadline.at(self.end.ends)
-
-    def within(self, steps: int | None) -> Budget:
-        """Another budget, of so many steps, that ends when this one does."""
-        other = Budget(steps)
-        other.end = self.end
-        return other
-
-    @property
-    def seconds(self) -> float | None:
-        """The time that is left; None without a limit."""
-        return self.end.seconds
-
-    def extend(self, steps: int) -> None:
-        """Allow so many steps from now on."""
-        self.most = self.spent.total() + steps
-
-    @property
-    def ended(self) -> str:
-        """Why nothing more may be tried, in words; empty if more may."""
-        if self.most is not None and self.spent.total() >= self.most:
-            return "the budget is spent"
-        return "" if self.is_in_time() else "the time is over"
-
-    def is_in_time(self) -> bool:
-        """Whether time is left, whatever the steps."""
-        return not self.end.is_over
-
-    @property
-    def left(self) -> bool:
-        return not self.ended
-
-
-def _nothing() -> None:
-    """Tell nobody."""
 
 
 class Predictor:

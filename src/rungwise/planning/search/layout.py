@@ -11,8 +11,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
+from rungwise.planning.motion.budget import Budget
 from rungwise.planning.motion.moves import Moves
-from rungwise.planning.motion.propagate import GOES_ON, Budget, Ends, Places, Predictor
+from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
 from rungwise.planning.motion.settle import rested
 from rungwise.planning.motion.transit import Transit
 from rungwise.simulation.inputs import Segment

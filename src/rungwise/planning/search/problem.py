@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.moves import Moves
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.placements import GOALS, NEAREST, Placing
-from rungwise.planning.motion.propagate import Budget, Places, Predictor, Stage
+from rungwise.planning.motion.propagate import Places, Predictor
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes

@@ -25,15 +25,15 @@ from rungwise.simulation.inputs import condition
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
+from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.kind import Kind
-from rungwise.simulation.moving.lasting import Times
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.taken_back import Begun, sooner
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
-from rungwise.simulation.planar.state.lasting import DATINGS
+from rungwise.simulation.planar.state.held_since import DATINGS
 from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns

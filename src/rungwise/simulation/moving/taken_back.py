@@ -11,7 +11,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.moving.lasting import Times
+from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.planar.state.inputs import LOCATED
 from rungwise.simulation.planar.state.verdicts import SIGHTS

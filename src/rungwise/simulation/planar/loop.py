@@ -20,6 +20,7 @@ from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
+from rungwise.simulation.planar.state.held_since import DATINGS, REACHED, clear_times, lasts, set_ways
 from rungwise.simulation.planar.state.inputs import (
     Inputs,
     is_guarded,
@@ -29,7 +30,6 @@ from rungwise.simulation.planar.state.inputs import (
     until_lasts,
     until_margin,
 )
-from rungwise.simulation.planar.state.lasting import DATINGS, REACHED, clear_times, lasts, set_ways
 from rungwise.simulation.planar.state.laws import tell_laws
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
@@ -56,7 +56,7 @@ from rungwise.simulation.planar.state.verdicts import (
 from rungwise.simulation.planar.state.workspace import Conditions, State, Workspace
 from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.step.blame import crawls
-from rungwise.simulation.planar.step.controlled import LEAPT, controlled_step, until_contact
+from rungwise.simulation.planar.step.error_control import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.step.midpoint_rows import is_centred
 from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints

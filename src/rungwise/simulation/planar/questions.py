@@ -9,7 +9,7 @@ from rungwise.scene.language.expression import evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.lasting import set_ways
+from rungwise.simulation.planar.state.held_since import set_ways
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
 from rungwise.system.planar.manifold import ABSENT

@@ -19,7 +19,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.simulation.inputs import condition
-from rungwise.simulation.moving.lasting import Times
+from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values

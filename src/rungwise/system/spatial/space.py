@@ -30,7 +30,7 @@ from rungwise.system.spatial.features import (
 )
 from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
-from rungwise.system.spatial.nearest import Nearest
+from rungwise.system.spatial.missed_contacts import Nearest
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import Passing, frames
 from rungwise.system.spatial.reach import fastest_point, reaches, vectors

@@ -29,7 +29,7 @@ from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
 from rungwise.system.planar import manifold
 from rungwise.system.planar.corners import allocate_course
-from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.find_contacts import find_contacts
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
 from rungwise.viewing.plane.goal import goal_places

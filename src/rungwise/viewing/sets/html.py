@@ -20,7 +20,7 @@ from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.sets.motions import SLOWEST
 from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.plane.extent import bounds, largest_force
-from rungwise.viewing.plane.html import STAGE, clip_data
+from rungwise.viewing.plane.run_page import STAGE, clip_data
 from rungwise.viewing.skeleton import LARGEST, Kind, bytes_of, fill, quantised
 from rungwise.viewing.units import units_of
 

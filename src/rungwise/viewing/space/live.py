@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rungwise.viewing.skeleton import numbered
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import OPEN, Film, FilmError
-from rungwise.viewing.space.html import curve_of, curves_of, same_bodies, title
+from rungwise.viewing.space.run_page import curve_of, curves_of, same_bodies, title
 from rungwise.viewing.space.shapes import triangles
 
 if TYPE_CHECKING:

@@ -1,5 +1,5 @@
 """How good an answer to a part is: its residual and its exertion, by the formulas, and in the order of terms,
-of `contact.step.residual` and `contact.step.proximal`."""
+of `contact.step.step_residual` and `contact.step.proximal`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.contact.solvers.plane.part import Part
 from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import WEDGED
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, imbalance, worse
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, worse
 from rungwise.kernel import Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 
 

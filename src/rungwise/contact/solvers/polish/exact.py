@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.judge.verdict import own_units
+from rungwise.contact.judge.residuals import own_units
 from rungwise.contact.prepare.magnitudes import magnitudes
 from rungwise.contact.prepare.units import Sparse, compressed
 from rungwise.contact.problem import Array, Laws, Problem

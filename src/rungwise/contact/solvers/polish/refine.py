@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from scipy.linalg import LinAlgError, lstsq
 
 from rungwise.contact.judge.natural import natural_map
-from rungwise.contact.judge.verdict import absolute, in_own_terms, own_units
+from rungwise.contact.judge.residuals import absolute, in_own_terms, own_units
 from rungwise.contact.prepare.system import System, uneliminated
 from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.contact.solvers.measure import rates

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rungwise.contact.judge.verdict import magnitudes_of
+from rungwise.contact.judge.residuals import magnitudes_of
 from rungwise.contact.prepare.magnitudes import Magnitudes, largest
 from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.kernel import Reals, kernel

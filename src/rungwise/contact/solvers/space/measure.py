@@ -1,6 +1,6 @@
 """Islands and points of them, and the residual of a point.
 
-The residual is as of `contact.step.residual`, measured against the island's own forces and velocities.
+The residual is as of `contact.step.step_residual`, measured against the island's own forces and velocities.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.solvers.space.rows import Bodies, Groups
-from rungwise.contact.step.residual import FLOOR, REST, ROUNDING
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 
@@ -45,8 +45,9 @@ class Point(NamedTuple):
 
 @kernel
 def measure(island: Island, point: Point, scale: Reals) -> float:
-    """The residual (see `contact.step.residual`) of an island whose rates, without hold, are known; `scale`
-    (n,) is scratch. It is measured against the island's own forces and velocities: no less than there."""
+    """The residual (see `contact.step.step_residual`) of an island whose rates, without hold, are known;
+    `scale` (n,) is scratch. It is measured against the island's own forces and velocities: no less than
+    there."""
     bodies, groups, (low, high, first, last), quantum, _ = island
     v, x, u = point.v, point.x, point.u
     speed, largest, rest, floor = quantum, 0.0, 0.0, math.inf

@@ -9,7 +9,7 @@ from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
 from rungwise.scene.language.expression import SLOTS, TIMES, evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.lasting import REACHED, clear_times, note_times, times_end
+from rungwise.simulation.planar.state.held_since import REACHED, clear_times, note_times, times_end
 from rungwise.simulation.planar.state.workspace import State, Workspace, time_slot
 
 LOCATED = 1e-3

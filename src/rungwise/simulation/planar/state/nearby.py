@@ -9,9 +9,9 @@ from rungwise.scene.template.records import ADHERES, FADES, FREE, HINGE, Records
 from rungwise.simulation.core.tolerances import NEAR, OVERLAP
 from rungwise.simulation.planar.state.laws import adhere, fade
 from rungwise.simulation.planar.state.workspace import State, Workspace
-from rungwise.system.planar import joints
+from rungwise.system.planar import joints, supports
 from rungwise.system.planar import terms as planar
-from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.find_contacts import find_contacts
 from rungwise.system.planar.manifold import LANDED, LIFTED
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
@@ -81,7 +81,7 @@ def gather(records: Records, workspace: Workspace) -> int:
     Where more are near than there is room for, `clock.near` is less afterwards.
     """
     if records.supports.shape[0] > 0:
-        planar.turn_supports(records, workspace.state.placed.pose, workspace.terms)
+        supports.turn_supports(records, workspace.state.placed.pose, workspace.terms)
     state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
     contacts = _gather(records, workspace)
     while contacts == planar.FULL and state.clock[0].near > 0.0:

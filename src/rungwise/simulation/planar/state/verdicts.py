@@ -10,6 +10,15 @@ from rungwise.outcome import Code
 from rungwise.scene.language.expression import TIMES, evaluate, holds
 from rungwise.scene.template.records import FORCE, SERVO, Records
 from rungwise.simulation.core.tolerances import SINKING
+from rungwise.simulation.planar.state.held_since import (
+    STATED,
+    has_turned,
+    interpolate,
+    is_possible,
+    lasts,
+    note_times,
+    times_end,
+)
 from rungwise.simulation.planar.state.inputs import (
     OWN,
     Inputs,
@@ -18,15 +27,6 @@ from rungwise.simulation.planar.state.inputs import (
     until_lasts,
     until_margin,
     until_row,
-)
-from rungwise.simulation.planar.state.lasting import (
-    STATED,
-    has_turned,
-    interpolate,
-    is_possible,
-    lasts,
-    note_times,
-    times_end,
 )
 from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.passing import thickness

@@ -21,10 +21,10 @@ from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.step.blame import vote
 from rungwise.simulation.planar.step.extrapolate import extrapolate, flies, is_alike, is_pressed
-from rungwise.simulation.planar.step.halves import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.step.leaps import is_tiny
 from rungwise.simulation.planar.step.midpoint_rows import meets
 from rungwise.simulation.planar.step.snaps import snaps
+from rungwise.simulation.planar.step.step_error import AHEAD, closes, disagreement, mode_at_start
 from rungwise.system.planar.manifold import VERTICES
 from rungwise.system.planar.place import turns
 

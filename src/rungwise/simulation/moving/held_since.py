@@ -1,5 +1,5 @@
 """Since when parts of conditions hold that must hold for a time: as in the plane (see
-`planar.state.lasting`)."""
+`planar.state.held_since`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Lasting, Programs, evaluate, holds
 from rungwise.simulation.moving.values import Values
-from rungwise.simulation.planar.state.lasting import HALVES, REACHED
+from rungwise.simulation.planar.state.held_since import HALVES, REACHED
 
 
 class _Part:
