@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing.sets import html as sets
+from rungwise.viewing.sets import sets_page as sets
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import browser as driver

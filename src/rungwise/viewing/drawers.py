@@ -11,11 +11,11 @@ from typing import Any
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.trajectory import read_saved
-from rungwise.viewing.plane import html as planar
+from rungwise.viewing.plane import run_page as planar
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.parting import draw_parting
-from rungwise.viewing.space import html as spatial
+from rungwise.viewing.space import run_page as spatial
 from rungwise.viewing.space import strip as stills
 from rungwise.viewing.space.live import Live, open_live
 from rungwise.viewing.space.runs import film_of

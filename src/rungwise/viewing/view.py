@@ -18,7 +18,7 @@ from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
 from rungwise.simulation.any_run import AnyRun
 from rungwise.viewing.drawers import Drawer, drawer_of, drawer_of_saved
-from rungwise.viewing.sets import html as sets
+from rungwise.viewing.sets import sets_page as sets
 from rungwise.viewing.sets import slices
 from rungwise.viewing.skeleton import LARGEST
 from rungwise.viewing.write import ViewError, needs_matplotlib, write

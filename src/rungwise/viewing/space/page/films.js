@@ -1,4 +1,4 @@
-// The films of this page, unpacked (see html.py).
+// The films of this page, unpacked (see run_page.py).
 
 function filmOf(c, index) {
   const slot = new Int32Array(c.bodies.length).fill(-1);
