@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import inspect
 import pickle
 import re
@@ -210,11 +211,10 @@ def test_every_parameter_of_a_public_function_is_described_and_signatures_are_sh
     assert all(len(repr(p.default)) < 40 for p in signature.parameters.values())
 
 
-NEAR_KERNELS = {"Scene", "SpaceScene", "Problem", "Rung"}
 METHODS = [
     (kind, method)
     for name in rw.__all__
-    if inspect.isclass(kind := getattr(rw, name)) and name not in NEAR_KERNELS
+    if inspect.isclass(kind := getattr(rw, name))
     for word, method in inspect.getmembers(kind, inspect.isroutine)
     if not word.startswith("_") and getattr(method, "__module__", None) == kind.__module__
 ]
@@ -226,3 +226,32 @@ def test_every_parameter_of_a_public_method_is_described() -> None:
         said = (method.__doc__ or "") + (kind.__doc__ or "")
         for name in inspect.signature(method).parameters:
             assert name in ("self", "cls") or re.search(rf"\b{name}s?\b", said), (method.__qualname__, name)
+
+
+CLASSES = [kind for name in rw.__all__ if inspect.isclass(kind := getattr(rw, name))]
+
+
+@pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
+def test_every_public_field_and_method_of_a_class_is_described(kind: type) -> None:
+    own = [each for each in kind.__mro__ if each.__module__.startswith("rungwise")]
+    said = "\n".join(each.__doc__ or "" for each in own)
+    fields = getattr(kind, "__dataclass_fields__", None) or getattr(kind, "_fields", ())
+    after = r'\s*:[^\n]*\n\s+"""'  # a field may have a text of its own below it
+    texts = "\n".join(inspect.getsource(each) for each in own)
+    missing = [
+        name
+        for name in fields
+        if not name.startswith("_")
+        and not re.search(rf"\b{name}\b", said)
+        and not re.search(name + after, texts)
+    ]
+    bare = [
+        name
+        for each in own
+        for name, value in vars(each).items()
+        if not name.startswith("_")
+        and name not in vars(enum.Enum)
+        and (inspect.isroutine(value) or type(value) is property)
+        and not inspect.getdoc(value)
+    ]
+    assert not missing and not bare

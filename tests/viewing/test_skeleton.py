@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rungwise.viewing.sets.sets_page import KIND as SETS
-from rungwise.viewing.sets.sets_page import page as sets_page
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.run_page import KIND as PLANE
 from rungwise.viewing.plane.run_page import page as plane_page
+from rungwise.viewing.sets.sets_page import KIND as SETS
+from rungwise.viewing.sets.sets_page import page as sets_page
 from rungwise.viewing.skeleton import PAGE, Kind, fill, kept
 from rungwise.viewing.space.run_page import KIND as SPACE
 from rungwise.viewing.space.run_page import page as space_page

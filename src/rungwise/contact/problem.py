@@ -111,6 +111,7 @@ class Problem:
 
     @property
     def laws(self) -> Laws:
+        """Friction and bounds of the problem's groups and rows, as solvers take them."""
         return Laws(self.mu, self.directions, self.lower, self.upper)
 
     @property

@@ -49,7 +49,8 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """x (N,) and rates y = A x + b (N,) of the problem, judged.
+    """x (N,) and rates y = A x + b (N,) of the problem, judged by its `residuals`, of which none may exceed
+    `tol` where the `status` says solved; `attempts`: each solver tried, in order, with what it came to.
 
     `certificate` is there when the status is JAMMED or UNSUPPORTED; x is then the least violation met.
     `massless`: judged beside the demanded rates, for inertia is next to zero (see `system`); the certificate
@@ -97,6 +98,7 @@ class ContactSolution:
 
     @property
     def iterations(self) -> int:
+        """Iterations of all attempts together."""
         return sum(attempt.iterations for attempt in self.attempts)
 
     @property

@@ -42,7 +42,7 @@ class Explained(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Explanation(ByContent):
-    """Rungs in the order of the ladder, with fits and scores on trials that were not fitted.
+    """Rungs of a scene in the order of the ladder, with fits and scores on trials that were not fitted.
 
     fitted, held_out: numbers of trials; known: the deviation of the measurement, as a displacement of the
     farthest point; unfinished: rungs that a limit left out, in words.

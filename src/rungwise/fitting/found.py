@@ -20,7 +20,7 @@ be, and deviations that were estimated are known to a part of themselves."""
 
 @dataclass(frozen=True)
 class Residual:
-    """Errors of one coordinate: name; root of the mean square, and median of the size, in its unit;
+    """Errors of one coordinate: name; rms, the root of the mean square, and median of the size, in its unit;
     deviation: of the measurement; expected: what measurement and starts make of the median error."""
 
     name: str
@@ -48,6 +48,7 @@ class Alike:
 class Fit(ByContent):
     """Parameters of a scene from motions, on a rung.
 
+    measured_on: the scene whose motions were measured; model: the rung; over: names of the fitted parameters;
     values: parameters by name; intervals: their 95 % intervals (bootstrap over trials); correlation (k, k),
     in the order of `over`; open: parameters that the motions do not determine, by name, with a line on each;
     alike: sets of values, if several fit alike, which the intervals join; residuals: by coordinate; phases:

@@ -174,6 +174,7 @@ class Comparison(ByContent):
     last rung had come to its end, nan if a limit ended the first runs; `notes`: matched parameters; `ends`:
     how the runs of each rung ended (m,); `errors` of its motions (m,), infinite if unknown; `pairs`; `costs`
     of all stages, and `cheapest`, the stage of fewest solves within `accuracy` of the richest;
+    `counterexamples`: pairs of runs that contradict a definition; `parameters` of the scene, by name;
     `unfinished`: the work that a limit in seconds left undone, in words.
     """
 

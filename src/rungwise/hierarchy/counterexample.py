@@ -56,7 +56,8 @@ class Side(ByContent):
 
 @dataclass(frozen=True, eq=False)
 class Counterexample(ByContent):
-    """Two runs, on a richer and on a simpler rung, whose distance contradicts a definition.
+    """Two runs of a scene, on a richer and on a simpler rung, whose distance contradicts a definition;
+    `words` say which, and how.
 
     levers: factors that turn differences of coordinates into parts of the extent; `late`: the distance is
     measured in the second half of the runs.

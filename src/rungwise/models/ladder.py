@@ -25,6 +25,7 @@ class Rung:
     Attributes:
         name: as typed on the command line.
         equation: number in the paper.
+        about: the model in one line.
         moves: whether the model predicts motion (the geometric one only forbids overlap).
         metric: unit-mass metric instead of M, motions instead of forces (kinematic).
         loads: non-contact forces act.
@@ -52,7 +53,7 @@ class Rung:
         return replace(self, inertia=float(inertia))
 
     def record(self, theta: float = 1.0) -> NDArray[np.void]:
-        """The rung as kernels read it: a record array of length 1."""
+        """The rung as kernels read it, with this `theta` of the step: a record array of length 1."""
         record = np.zeros(1, RUNG)
         for field in RUNG.names or ():
             record[field] = theta if field == "theta" else getattr(self, field)

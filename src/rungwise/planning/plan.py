@@ -94,12 +94,13 @@ class Check:
 class Plan(ByContent):
     """A plan, or the reason why there is none.
 
-    segments: the schedule; labels: the purpose of each segment ("transit", "push", "back", "hold"); moves
-    (k, d): the vectors of numbers that define the moves; waypoints: positions (n,) at the ends of moves;
-    stage: rung and accuracy of the last stage on which the plan holds; tol: error allowed per step there, in
-    the scene's unit; cost: by the task; records: results stage by stage; told: the diagnoses of stages on
-    which the plan failed or drifted, made when `diagnosis` is asked for; checks: results of the modes of
-    execution, if a rate of success was asked for; reason: why there is no plan, else empty.
+    scene, parameters: what was planned for; segments: the schedule; labels: the purpose of each segment
+    ("transit", "push", "back", "hold"); moves (k, d): the vectors of numbers that define the moves;
+    waypoints: positions (n,) at the ends of moves; stage: rung and accuracy of the last stage on which the
+    plan holds; tol: error allowed per step there, in the scene's unit; cost: by the task; records: results
+    stage by stage; told: the diagnoses of stages on which the plan failed or drifted, made when `diagnosis`
+    is asked for; checks: results of the modes of execution, if a rate of success was asked for; reason: why
+    there is no plan, else empty; seed: of the search; version: of rungwise, by which the plan was found.
     """
 
     scene: AnyScene

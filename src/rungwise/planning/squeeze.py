@@ -107,7 +107,8 @@ class SqueezePlan(ByContent):
 
     `angles` are the directions in which the jaws close, one after the other, in the world; `final` is the
     angle of the part in the world after the last one, up to multiples of `period`. `steps` say which
-    orientations each squeeze is given, and what it makes of them.
+    orientations each squeeze is given, and what it makes of them; `function` maps orientations before a
+    squeeze to those after it.
     """
 
     angles: tuple[float, ...]

@@ -49,6 +49,7 @@ class AnyScene:
 
     @property
     def name(self) -> str:
+        """Name of the scene, as its file says."""
         return str(self.file.name)
 
     @cached_property

@@ -77,7 +77,7 @@ class Bound(Block):
 
 @dataclass(frozen=True, eq=False)
 class Scene(AnyScene):
-    """One manipulation task: the file as read, and the template that kernels bind."""
+    """One manipulation task: the `file` as read, and the `template` that kernels bind."""
 
     file: SceneFile
     template: Template
@@ -100,7 +100,8 @@ class Scene(AnyScene):
         return load({name: value for name, value in file.items() if fields.get(name, self) is not None})
 
     def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
-        """q (n,) and v (n,) where the scene starts."""
+        """q (n,) and v (n,) where the scene starts, at values of `parameters` by name; others keep their
+        defaults."""
         records = self.bind(parameters).records
         q, v = records.coordinates["start"].copy(), records.coordinates["speed"].copy()
         for body in records.bodies[records.bodies["motion"] == rec.FREE]:
@@ -113,17 +114,17 @@ class Scene(AnyScene):
         return as_yaml(self.file.model_dump(mode="json", exclude_unset=True))
 
     def task_numbers(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
-        """The numbers of the task, by their paths, at these parameters. Raises InvalidScene."""
+        """The numbers of the task, by their paths, at the `given` parameters. Raises InvalidScene."""
         paths = [place.path for place in numbers_of(self.file.task)] if self.file.task is not None else []
         return dict(zip(paths, self.bind(given).records.task["value"].tolist(), strict=True))
 
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
-        """All numbers at these parameters. Raises InvalidScene, naming the field, when the scene is
+        """All numbers at the `given` parameters. Raises InvalidScene, naming the field, when the scene is
         impossible."""
         return self.bind_values(self.parameters(given).values())
 
     def bind_values(self, told: Collection[float]) -> Bound:
-        """The same at the values of all parameters, checked and in order."""
+        """The same at the values of all parameters, `told` in order and checked."""
         template = self.template
         numbers, bounds = _mould(template)
         bound = bounds.cast()

@@ -31,10 +31,12 @@ if TYPE_CHECKING:
 class AnyRun:
     """The end of a run of any world, and its record; see `rungwise.Run`.
 
-    `inputs` holds the schedule, `theta` is the theta in use (see `Simulation`); `worst_residual` is the
-    largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing support;
-    `wall_s` is the time that steps took, without compilation; `notes` are remarks on changes, omissions and
-    oddities, a line each (see `simulation.reasons.remarks`)."""
+    `scene` is what ran; `model` is the rung, `parameters` their values by name, `outcome` and `reason` say
+    how the run ended and why, `time` is where it ended, `steps` and `solves` count time steps and contact
+    problems; `inputs` holds the schedule, `theta` is the theta in use (see `Simulation`); `worst_residual` is
+    the largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing
+    support; `wall_s` is the time that steps took, without compilation; `notes` are remarks on changes,
+    omissions and oddities, a line each (see `simulation.reasons.remarks`)."""
 
     scene: AnyScene
     model: Rung

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 class Run(AnyRun):
     """The end of a run of a planar scene and its record (see `AnyRun`).
 
-    `motion` holds the preferred velocities; `final` maps body -> coordinate -> value; `problem` is the
-    problem of the last step, where it had no solution; `hard` holds the saved hard steps, if asked for;
-    `workspace` holds the arrays as the run left them."""
+    `attempts` counts steps that were tried, refused ones included; `motion` holds the preferred velocities;
+    `final` maps body -> coordinate -> value; `problem` is the problem of the last step, where it had no
+    solution; `hard` holds the saved hard steps, if asked for; `workspace` holds the arrays as the run left
+    them."""
 
     scene: Scene
     motion: dict[str, float]

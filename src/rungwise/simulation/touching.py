@@ -18,7 +18,8 @@ from rungwise.wording import choices
 
 @dataclass(frozen=True, eq=False)
 class Touching(ByContent):
-    """Contacts of one body: where (k, 2), normals into the body (k, 2), friction (k,), the other bodies."""
+    """Contacts of one body: `points` (k, 2), `normals` into the body (k, 2), `friction` (k,), and the
+    `others`, the bodies that touch it, by name."""
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]

@@ -26,8 +26,9 @@ from rungwise.world.find import world_of
 
 @dataclass(frozen=True, eq=False)
 class Results(ByContent):
-    """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
-    of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
+    """Runs at points (m, k): `outcome`, codes of outcomes (see `rungwise.outcome.Code`); `time` at the end;
+    signed `margin`; counts of `steps`; `worst_residual`, scaled; all (m,). `final` coordinates and `speed`
+    (m, n) at the end.
 
     The margin is positive if the goal was reached, and is then the distance from unsafe and doomed states.
     Otherwise it is negative, and its size is the least distance from the goal. It passes zero continuously if

@@ -32,7 +32,7 @@ OVER = "limit: the time was over before the run came to its end"
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Rolled(ByContent):
-    """m runs of s segments, of a scene of n_q coordinates and n_v velocities.
+    """m runs of s segments on a rung, `model`, of a scene of n_q coordinates and n_v velocities.
 
     outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
     steps, attempts at them, solves (problems solved) and worst_residual (m,), switches (m,): how many
@@ -40,7 +40,8 @@ class Rolled(ByContent):
     line that names the value; they are `invalid`.
 
     With `keep`, also the states in which segments ended; the end of a run stands in the column of the segment
-    in which it ended, and later columns are nan: see `times`, `q`, `v`, `work`, `state`.
+    in which it ended, and later columns are nan: see `times`, `q`, `v`, `work`, `state`. `memory` is what
+    runs go on from.
     """
 
     scene: AnyScene

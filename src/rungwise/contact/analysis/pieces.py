@@ -82,7 +82,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
-    """All solutions: `pieces`, none within another; `covered`: pieces of other modes within one of `pieces`.
+    """All solutions of a `problem` of a `kind`: `pieces`, none within another; `covered`: pieces of other
+    modes within one of `pieces`.
 
     `excluded` are the modes without solutions, each with multipliers that prove it; with no pieces they are
     the `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with a solution, in

@@ -51,7 +51,8 @@ KEPT = 0.98
 class Design(ByContent):
     """Parameters with which a scene succeeds best, on a rung.
 
-    values: best values of the parameters, by name; box: the intervals searched; how: "in the middle of the
+    model: the rung; over: names of the designed parameters; parameters: values of all others; values: best
+    values of the designed ones, by name; box: the intervals searched; how: "in the middle of the
     set" or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
     drift: for each parameter the interval in which success is kept while the others stay; successes: number
     of successes in `samples` fresh runs; runs: number of all runs; outcomes: how they ended; earlier: results
@@ -81,6 +82,7 @@ class Design(ByContent):
 
     @property
     def ok(self) -> bool:
+        """Whether a design was found, and one of its fresh runs at least succeeded."""
         return self.found and self.successes > 0
 
     @property

@@ -65,12 +65,12 @@ class Sample(ByContent):
 class Verification(ByContent):
     """Results of n samples of a plan on a rung; of one run if nothing is uncertain.
 
-    successes: number of successes in `samples`; lower: one-sided lower Clopper-Pearson bound of the rate of
-    success at 95 %; upper: the upper bound; failures: outcomes and their numbers; causes: for each uncertain
-    value, how many of the first `explained` failures would succeed if it were as planned; worst: failed
-    samples, sorted by margin; mode: how the plan was executed; unfinished: the work that a limit in seconds
-    left undone, in words; noise: of measured places, with feedback. Samples unfinished at the limit do not
-    count.
+    model, tol: rung and accuracy of the runs; seed: of the samples; successes: their number in `samples`;
+    lower: one-sided lower Clopper-Pearson bound of the rate of success at 95 %; upper: the upper bound;
+    failures: outcomes and their numbers; causes: for each uncertain value, how many of the first `explained`
+    failures would succeed if it were as planned; worst: failed samples, sorted by margin; mode: how the plan
+    was executed; unfinished: the work that a limit in seconds left undone, in words; noise: of measured
+    places, with feedback. Samples unfinished at the limit do not count.
     """
 
     plan: Plan = field(repr=False)

@@ -25,7 +25,8 @@ UNBOUNDED = 1_250_000
 
 @dataclass(frozen=True)
 class Stage:
-    """A rung and an accuracy: `tol` is the error allowed per step, as a part of the scene's size."""
+    """A rung, `model`, and an accuracy: `tol` is the error allowed per step, as a part of the scene's
+    size."""
 
     model: Rung
     tol: float

@@ -25,7 +25,8 @@ from rungwise.scene.stated import StatedScene
 
 @dataclass(frozen=True)
 class SpaceScene(StatedScene):
-    """A task in space: the file as read, where it lies, the names of its model, and the model's text."""
+    """A task in space: the `file` as read, the `folder` in which it lies, the names of its model as `labels`,
+    and the model's text, `model_text`."""
 
     file: SpaceFile
     folder: Path
@@ -50,12 +51,13 @@ class SpaceScene(StatedScene):
         )
 
     def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
-        """q (n_q,) and v (n_v,) where the scene starts."""
+        """q (n_q,) and v (n_v,) where the scene starts, at values of `parameters` by name."""
         bound = self.bind(parameters)
         return bound.place, bound.motion
 
     def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
-        """Make the quaternions in q (n_q,) unit ones (see `bind.normalise`)."""
+        """Make the quaternions in q (n_q,) unit ones. Raises `error`, which names the `field`, where one is
+        zero (see `bind.normalise`)."""
         normalise(q, self, field, error)
 
     @property
@@ -78,5 +80,6 @@ class SpaceScene(StatedScene):
         return Told.of(self)
 
     def bind(self, given: Mapping[str, float] | None = None) -> SpaceBound:
-        """The model at these parameters. Raises InvalidScene, naming the field, where it is impossible."""
+        """The model at the `given` parameters. Raises InvalidScene, naming the field, where it is
+        impossible."""
         return bind(self, np.array([*self.parameters(given).values(), 0.0]))

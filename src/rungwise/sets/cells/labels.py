@@ -69,7 +69,8 @@ def labels(outcomes: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class LabelledSet(ByContent, ABC):
-    """Labels over a box (d, 2) of parameters or states, and what can be asked of all such sets."""
+    """Labels over a `box` (d, 2) of parameters or states, named by `over`, of a `scene` on a rung, `model`;
+    and what can be asked of all such sets."""
 
     scene: AnyScene
     model: Rung

@@ -61,7 +61,8 @@ class DoomedSet(LabelledSet):
 
     `inputs` (k, 2) are the bounds of the inputs, `steps` the lengths of the macro-steps in time, `runs` the
     number of runs, `escapes` the fraction of valid cells from which a motion may leave the box. `unfinished`
-    names the macro-steps that a limit in seconds left undone; cells that need them are unknown.
+    names the macro-steps that a limit in seconds left undone; cells that need them are unknown. `request`
+    holds all that was asked, for a file.
     """
 
     inputs: dict[str, tuple[float, float]]

@@ -14,8 +14,8 @@ from rungwise.sets.store import SetError
 
 @dataclass(frozen=True)
 class Between:
-    """Parts of the box: feasible on both rungs, lost or gained by the richer rung; and the error of each
-    part.
+    """Parts of the box: feasible on both rungs, `cheap` and `rich` by name, lost or gained by the richer
+    rung; and the error of each part.
 
     `error` is one standard error of sampling, sqrt(p (1 - p) / n) at its greatest, 1/2.
     """

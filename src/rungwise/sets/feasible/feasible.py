@@ -74,7 +74,8 @@ class FeasibleSet(LabelledBox):
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.cells.crossings`). `evaluations` counts
     runs; `probes` counts the random probes of the last round, `hits` the probes that contradicted their leaf;
-    `complete` is false when the budget ended the refinement.
+    `complete` is false when the budget ended the refinement; `tol` is the resolution asked for; `request`
+    holds all that was asked, for a file.
     """
 
     def __repr__(self) -> str:

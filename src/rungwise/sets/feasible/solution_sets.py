@@ -19,8 +19,8 @@ from rungwise.sets.motions import GUARANTEED, POSSIBLE, SLOWEST
 
 @dataclass(frozen=True, eq=False)
 class SolutionSets(ByContent):
-    """Where the slowest motion, some of the motions tried, and all of them reach the goal (see
-    `rungwise.sets.motions`)."""
+    """Where the slowest motion, some of the motions tried (`possible`), and all of them (`guaranteed`) reach
+    the goal (see `rungwise.sets.motions`)."""
 
     slowest: FeasibleSet
     possible: FeasibleSet

@@ -46,7 +46,7 @@ class ReplayError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """Comparison of a run with the same inputs in another simulator.
+    """Comparison of a `run` with the same inputs in another simulator, `judge`, under its `settings`.
 
     times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
     their axes, whichever is more; parts: time at which the first body parts, nan if none does; body: its
