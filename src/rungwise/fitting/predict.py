@@ -27,6 +27,8 @@ from rungwise.world.find import world_of
 
 TOGETHER = 100_000
 """Moments of runs that are made in one call: what is kept of each takes some kilobytes."""
+KEPT = 256
+"""Points whose errors are kept by each predictor: stages of a fit ask for the same ones again."""
 STOPPED = (Code.MISSED, Code.TIMEOUT, Code.JAMMED)
 """Outcomes of runs that came to the end of their span, or rest there."""
 
@@ -66,27 +68,30 @@ class Predicted(NamedTuple):
 class Predictor:
     """Runs of a scene on a rung from the starts of spans. Its conditions are left out: they would end runs.
 
-    parameters: those that are neither in `over` nor known in the spans; tol: error allowed per step; made
-    (1,): runs that were made, on other spans, too.
+    ends: the interval of each parameter of a point, in order; parameters: those that are neither among these
+    nor known in the spans; tol: error allowed per step; made (1,): runs that were made, on other spans, too.
     """
 
     def __init__(
-        self, scene: Any, model: Rung, spans: Spans, compared: Compared, over: Sequence[str],
-        parameters: Mapping[str, float], *, tol: float | None, step: float | None, threads: int | None,
-        deadline: Deadline = NEVER, log: Log | None = None,
+        self, scene: Any, model: Rung, spans: Spans, compared: Compared,
+        ends: Mapping[str, tuple[float, float]], parameters: Mapping[str, float], *,
+        tol: float | None, step: float | None, threads: int | None, deadline: Deadline = NEVER,
+        log: Log | None = None,
     ) -> None:  # fmt: skip
         self.scene = scene.changed(goal=None, unsafe=None, doomed=None)
-        self.model, self.spans, self.compared, self.over = model, spans, compared, tuple(over)
+        self.model, self.spans, self.compared, self.over = model, spans, compared, tuple(ends)
         self._given = dict(parameters)
         self.tol, self._step = tol, step
         self._threads, self._deadline, self._log = threads, deadline, log
-        self._parting = Parting(self.scene)
+        self._parting = Parting(self.scene, ends)
         self.made, self.moved = np.zeros(1, np.int64), np.zeros(len(spans.trial))
+        self._known: dict[bytes, Predicted] = {}
 
     def on(self, spans: Spans) -> Predictor:
         """The same on other spans."""
         found = object.__new__(type(self))
-        vars(found).update(vars(self) | {"spans": spans, "moved": np.zeros(len(spans.trial))})
+        own = {"spans": spans, "moved": np.zeros(len(spans.trial)), "_known": {}}
+        vars(found).update(vars(self) | own)
         return found
 
     def finer(self, tol: float) -> Predictor:
@@ -105,6 +110,24 @@ class Predictor:
         """Errors at points (p, k) of the parameters; with starts that are changed by shifts
         (p, s, n_q + n_v). Raises TimeOver."""
         self._deadline.look()
+        if shifts is not None:
+            return self._many(points, shifts)
+        keys = [point.tobytes() for point in points]
+        new = {key: point for key, point in zip(keys, points, strict=True) if key not in self._known}
+        answers = self._known.copy()
+        if new:
+            found = self._many(np.array(list(new.values())), None)
+            for key, errors, ended in zip(new, *found, strict=True):
+                answers[key] = Predicted(errors, ended)
+        for key in reversed(dict.fromkeys(keys[:KEPT])):
+            self._known.pop(key, None)
+            self._known[key] = Predicted(answers[key].errors.copy(), answers[key].ended.copy())
+        for key in list(self._known)[:-KEPT]:
+            del self._known[key]
+        return Predicted(*(np.array(column) for column in zip(*(answers[key] for key in keys), strict=True)))
+
+    def _many(self, points: Reals, shifts: Reals | None) -> Predicted:
+        """The same by runs, as many in one call as memory holds."""
         s, g = self.spans.durations.shape
         each = max(1, TOGETHER // (s * g))
         parts = [
@@ -139,13 +162,11 @@ class Predictor:
 
     def _run(self, points: Reals, shifts: Reals | None) -> Predicted:
         """The same by runs."""
-        spans, (p, s) = self.spans, (len(points), len(self.spans.trial))
-        n = spans.q.shape[1]
-        starts = np.zeros((p, s, n + spans.v.shape[1]))
-        for i, point in enumerate(points):
-            change = np.zeros(starts.shape[1:]) if shifts is None else shifts[i]
-            starts[i, :, :n] = self._starts(point, spans.q + change[:, :n])
-            starts[i, :, n:] = spans.v + change[:, n:]
+        spans, n = self.spans, self.spans.q.shape[1]
+        starts = np.tile(np.concatenate([spans.q, spans.v], axis=1), (len(points), 1, 1))
+        if shifts is not None:
+            starts += shifts
+        starts[..., :n] = self._starts(points, starts[..., :n])
         q, ended = self.places(points, starts)
         if self._deadline.is_over:
             raise TimeOver("in the runs of a fit")
@@ -174,17 +195,26 @@ class Predictor:
         q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)
         return q, np.isin(found.outcome, STOPPED).reshape(p, s)
 
-    def _starts(self, point: Reals, q: Reals) -> Reals:
-        """Starts (s, n_q) at a point, without overlaps."""
-        named = self._given | dict(zip(self.over, point.tolist(), strict=True))
-        values = self.spans.values
-        found = q.copy()
-        for row in np.unique(values, axis=0):
-            same = (values == row).all(axis=1)
-            known = dict(zip(self.spans.known, row.tolist(), strict=True))
-            apart = self._parting(q[same], named | known)
-            found[same], self.moved[same] = apart.q, apart.moved
-        return found
+    def _starts(self, points: Reals, q: Reals) -> Reals:
+        """Starts (p, s, n_q) at points (p, k), without overlaps; those of points that have bodies at the same
+        places are moved together."""
+        p, s, n = q.shape
+        values = np.concatenate(
+            [np.repeat(points, s, axis=0), np.tile(self.spans.values, (p, 1))], axis=1
+        )  # fmt: skip
+        names = (*self.over, *self.spans.known)
+        placing = self._parting.placing(
+            self.spans.q, self._given | dict(zip(names, values[0].tolist(), strict=True))
+        )
+        columns = [j for j, name in enumerate(names) if name in placing or j >= len(self.over)]
+        rows, group = np.unique(values[:, columns], axis=0, return_index=True, return_inverse=True)[1:]
+        found, moved = q.reshape(-1, n).copy(), np.zeros(p * s)
+        for number, row in enumerate(rows.tolist()):
+            same = group.reshape(-1) == number
+            named = self._given | dict(zip(names, values[row].tolist(), strict=True))
+            found[same], moved[same] = self._parting(found[same], named)
+        self.moved = moved.reshape(p, s)[-1]
+        return found.reshape(p, s, n)
 
 
 def _held(found: Any, starts: Reals) -> Reals:

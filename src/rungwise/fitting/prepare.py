@@ -77,7 +77,7 @@ class Prepared:
     def predictor(self, spans: Spans, deadline: Deadline, log: Log | None = None) -> Predictor:
         """What runs the spans."""
         return Predictor(
-            self.scene, self.rung, spans, self.layout.compared, self.box.names, self.given,
+            self.scene, self.rung, spans, self.layout.compared, self.box.ends, self.given,
             tol=self.tol, step=self.options.step, threads=self.options.threads, deadline=deadline,
             log=log,
         )  # fmt: skip

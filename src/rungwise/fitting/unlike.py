@@ -5,7 +5,8 @@ threshold above all that starts do there lets much pass. So the errors are drawn
 starts, at parameters that are displaced by what the motions leave open, and with noise, are motions that the
 rung explains. Means and sizes of errors, by coordinate, lag, contact and trial, are compared with those of
 the draws. The greatest of all their distances is compared with the greatest of each draw, which allows for
-their number (Westfall and Young 1993).
+their number (Westfall and Young 1993). A third of the draws is made first: mostly they leave no doubt (Besag
+and Clifford 1991).
 """
 
 from __future__ import annotations
@@ -27,6 +28,11 @@ from rungwise.kernel import Ints, Reals
 
 DRAWS = 99
 """Draws of motions that the rung explains."""
+FIRST = 33
+"""So many of them are made first, and the others only where these leave it in doubt."""
+DOUBT = 2.0
+"""There is no doubt where the distance is at most so many deviations above the mean of those of the draws, or
+so many times as great as it may be."""
 SPANS = 40
 """Spans of each length that are tested at most."""
 LEVEL = 4.935
@@ -65,6 +71,10 @@ class _Means(NamedTuple):
     names: list[str]
     upward: NDArray[np.bool_]
 
+    def joined(self, more: _Means) -> _Means:
+        """These and the draws of more."""
+        return self._replace(values=np.concatenate([self.values, more.values[1:]]))
+
 
 def begins_clear(layout: Layout, closed: Sequence[NDArray[np.bool_]], spans: Spans) -> NDArray[np.bool_]:
     """Whether the velocity at the start of each span (s,) was measured, or is one by regression over frames
@@ -87,54 +97,84 @@ def unlike(
     each with its name; known: whether the deviations were given. Raises TimeOver."""
     rng = np.random.default_rng(seed)
     root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(unit)))
-    units = np.clip(unit + rng.normal(size=(DRAWS, len(unit))) @ root.T, 0.0, 1.0)
-    scale = np.exp((GIVEN if known else ESTIMATED) * rng.normal(size=DRAWS))
-    found = [
-        _means(name, each, layout, box.values(unit), box.values(units), scale, rng)
-        for name, each in predictors
-    ]
+    lengths = [_Length(name, each, layout, box.values(unit)) for name, each in predictors]
+    found = [each.means(np.zeros((0, len(unit))), np.zeros(0), rng) for each in lengths]
+    for draws in (FIRST, DRAWS - FIRST):
+        units = np.clip(unit + rng.normal(size=(draws, len(unit))) @ root.T, 0.0, 1.0)
+        scale = np.exp((GIVEN if known else ESTIMATED) * rng.normal(size=draws))
+        more = [each.means(box.values(units), scale, rng) for each in lengths]
+        found = [a.joined(b) for a, b in zip(found, more, strict=True)]
+        told, plain = _farthest(found)
+        if told.distance <= plain or told.distance >= DOUBT * told.limit:
+            break
+    return told
+
+
+def _farthest(found: Sequence[_Means]) -> tuple[Unlike, float]:
+    """What is farthest, and the distance up to which there is no doubt that motions are explained."""
     values = np.concatenate([each.values for each in found], axis=1)
     names = [name for each in found for name in each.names]
     middle, deviation = values[1:].mean(axis=0), values[1:].std(axis=0, ddof=1)
     apart = (values - middle) / np.where(deviation > 0.0, deviation, np.inf)
     apart = np.where(np.concatenate([each.upward for each in found]), apart, np.abs(apart))
     greatest, at = apart.max(axis=1), int(apart[0].argmax())
-    limit = float(greatest[1:].mean() + LEVEL * greatest[1:].std(ddof=1))
-    return Unlike(names[at], float(greatest[0]), limit)
+    mean, spread = float(greatest[1:].mean()), float(greatest[1:].std(ddof=1))
+    return Unlike(names[at], float(greatest[0]), mean + LEVEL * spread), mean + DOUBT * spread
 
 
-def _means(
-    length: str, predictor: Predictor, layout: Layout, point: Reals, points: Reals, scale: Reals,
-    rng: np.random.Generator,
-) -> _Means:  # fmt: skip
-    """Means of the errors of spans and of draws of these."""
-    errors = _drawn(predictor, layout, point, points, scale, rng)
-    weights = by_sensitivity(layout, predictor, point)
-    counts = predictor.spans.counts
-    alone = errors / weights.spread
-    whitened = weights.whitened(errors).reshape(errors.shape)
-    cells = _cells(predictor, layout, point)
-    values, names, upward = list[Reals](), list[str](), list[bool]()
-    for kind, each in (("errors", alone), ("changes of errors", whitened)):
-        near = np.clip(each, -FAR, FAR)
-        for cell, rows in cells:
-            for e, name in enumerate(layout.compared.names):
-                part = near[:, rows, e]
-                values += [part.mean(axis=1), (part**2).mean(axis=1)]
-                names += [f"the mean of {kind} of {name} {cell} in {length}"]
-                names += [f"the size of {kind} of {name} {cell} in {length}"]
-                upward += [False, True]
-        if kind != "errors":
-            for e, name in enumerate(layout.compared.names):
-                values.append(_pulled(near, weights.inverse, predictor, cells, e))
-                names.append(f"the acceleration of {name} before a contact in {length}")
-                upward.append(False)
-        for trial in np.unique(predictor.spans.trial):
-            rows = counts & (predictor.spans.trial == trial)[:, None]
-            values.append((near[:, rows] ** 2).mean(axis=(1, 2)))
-            names.append(f"the size of {kind} of trial {trial} in {length}")
-            upward.append(True)
-    return _Means(np.stack(values, axis=1), names, np.array(upward))
+class _Length:
+    """Spans of one length, at a point (k,) of the parameters."""
+
+    def __init__(self, name: str, predictor: Predictor, layout: Layout, point: Reals) -> None:
+        self._name, self._predictor, self._layout = name, predictor, layout
+        self._weights = by_sensitivity(layout, predictor, point)
+        self._cells = _cells(predictor, layout, point)
+        self._observed = predictor(point[None]).errors[0]
+        self._coarse = np.zeros_like(self._observed)
+        if predictor.tol is not None:
+            finer = predictor.finer(0.1 * predictor.tol)
+            self._coarse = finer(point[None]).errors[0] - self._observed
+
+    def means(self, points: Reals, scale: Reals, rng: np.random.Generator) -> _Means:
+        """Means of the errors of the motions, and of draws of these at points (p, k), with deviations of so
+        many times (p,) those that are known."""
+        errors = np.concatenate([self._observed[None], self._drawn(points, scale, rng)])
+        weights, trials, names_of = self._weights, self._predictor.spans.trial, self._layout.compared.names
+        whitened = weights.whitened(errors).reshape(errors.shape)
+        values, names, upward = list[Reals](), list[str](), list[bool]()
+        for kind, each in (("errors", errors / weights.spread), ("changes of errors", whitened)):
+            near = np.clip(each, -FAR, FAR)
+            for cell, rows in self._cells:
+                for e, name in enumerate(names_of):
+                    part = near[:, rows, e]
+                    values += [part.mean(axis=1), (part**2).mean(axis=1)]
+                    names += [f"the mean of {kind} of {name} {cell} in {self._name}"]
+                    names += [f"the size of {kind} of {name} {cell} in {self._name}"]
+                    upward += [False, True]
+            if kind != "errors":
+                for e, name in enumerate(names_of):
+                    values.append(_pulled(near, weights.inverse, self._predictor, self._cells, e))
+                    names.append(f"the acceleration of {name} before a contact in {self._name}")
+                    upward.append(False)
+            for trial in np.unique(trials):
+                rows = self._predictor.spans.counts & (trials == trial)[:, None]
+                values.append((near[:, rows] ** 2).mean(axis=(1, 2)))
+                names.append(f"the size of {kind} of trial {trial} in {self._name}")
+                upward.append(True)
+        return _Means(np.stack(values, axis=1), names, np.array(upward))
+
+    def _drawn(self, points: Reals, scale: Reals, rng: np.random.Generator) -> Reals:
+        """Errors (p, s, g, e) of draws of motions that the rung explains. What steps of finite length change
+        is a part of these."""
+        spans, p = self._predictor.spans, len(points)
+        if not p:
+            return np.zeros((0, *self._observed.shape))
+        shifts = rng.normal(size=(p, *spans.start.shape)) * spans.start * scale[:, None, None]
+        drawn = self._observed - self._predictor(points, shifts).errors
+        drawn += rng.normal(size=drawn.shape) * self._layout.sigma * scale[:, None, None, None]
+        drawn += rng.normal(size=(p, 1, 1, 1)) * self._coarse
+        drawn[:, ~spans.counts] = 0.0
+        return np.asarray(drawn)
 
 
 def _pulled(
@@ -147,24 +187,6 @@ def _pulled(
     white = np.einsum("sde,se->sd", inverse, way.reshape(len(way), -1)).reshape(way.shape)
     size = float(np.linalg.norm(white))
     return np.asarray((near * white).sum(axis=(1, 2, 3)) / (size if size > 0.0 else 1.0))
-
-
-def _drawn(
-    predictor: Predictor, layout: Layout, point: Reals, points: Reals, scale: Reals, rng: np.random.Generator
-) -> Reals:  # fmt: skip
-    """Errors (1 + draws, s, g, e): those of the motions, and of draws of motions that the rung explains. What
-    steps of finite length change is a part of these."""
-    spans = predictor.spans
-    observed = predictor(point[None]).errors[0]
-    coarse = np.zeros_like(observed)
-    if predictor.tol is not None:
-        coarse = predictor.finer(0.1 * predictor.tol)(point[None]).errors[0] - observed
-    shifts = rng.normal(size=(len(points), *spans.start.shape)) * spans.start * scale[:, None, None]
-    drawn = observed - predictor(points, shifts).errors
-    drawn += rng.normal(size=drawn.shape) * layout.sigma * scale[:, None, None, None]
-    drawn += rng.normal(size=(len(points), 1, 1, 1)) * coarse
-    drawn[:, ~spans.counts] = 0.0
-    return np.concatenate([observed[None], drawn])
 
 
 def _cells(

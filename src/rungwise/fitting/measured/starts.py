@@ -16,6 +16,9 @@ CLEAR, STEP = 1e-6, 1e-4
 """Gap that is left, and change of a coordinate by which gaps are differentiated, as parts of the size of what
 is moved: far above rounding, far below what is measured."""
 
+PROBE = 0.437
+"""Part of an interval at which it is seen whether a parameter moves bodies: no round number."""
+
 
 class Apart(NamedTuple):
     """Starts q (s, n_q) moved out of overlaps, and by how far each was moved (s,), in lengths."""
@@ -26,12 +29,25 @@ class Apart(NamedTuple):
 
 class Parting:
     """Moves starts of one scene out of overlaps. Where bodies are does not depend on most parameters: starts
-    are moved once for all values of these."""
+    are moved once for all values of these. ends: the interval of each parameter that varies."""
 
-    def __init__(self, scene: Any) -> None:
-        self._world = world_of(scene)
+    def __init__(self, scene: Any, ends: Mapping[str, tuple[float, float]]) -> None:
+        self._world, self._ends = world_of(scene), ends
         self._moved = self._world.at().moved
         self._known: dict[bytes, Apart] = {}
+        self._placing: set[str] | None = None
+
+    def placing(self, q: Reals, parameters: Mapping[str, float]) -> set[str]:
+        """Those of the parameters that vary which change a gap at places (s, n_q), other parameters being
+        these, where they go from one end of their interval through its middle to the other."""
+        if self._placing is None:
+            self._placing = set()
+            for name, (low, high) in self._ends.items():
+                values = (low, PROBE * low + (1.0 - PROBE) * high, high)
+                tried = [self._world.place(dict(parameters) | {name: x}).geometry(q)[0] for x in values]
+                if any((each != tried[0]).any() for each in tried):
+                    self._placing.add(name)
+        return self._placing
 
     def __call__(self, q: Reals, parameters: Mapping[str, float]) -> Apart:
         """The places (s, n_q), each moved until no bodies overlap, at these parameters."""
