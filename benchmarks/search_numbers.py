@@ -83,8 +83,9 @@ def answers(factors: Factors, kinds: Sequence[str], kernels: bool = False) -> di
         own = {"RUNGWISE_CACHE": folder} if kernels and factors else {}
         path = os.pathsep.join([str(Path(__file__).parent), str(ROOT / "src")])
         done = subprocess.run(
-            command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path} | own, check=True
-        )
+            command, capture_output=True, text=True, cwd=ROOT, check=True,
+            env=os.environ | {"PYTHONPATH": path} | own,
+        )  # fmt: skip
     return {answer[0]: answer[1:] for answer in map(json.loads, done.stdout.splitlines())}
 
 
@@ -123,7 +124,8 @@ def blamed(which: Sequence[Number], loses: Callable[[Sequence[Number]], bool]) -
 
 def _loses(before: dict[str, Any], factors: Factors, name: str, part: Sequence[Number]) -> bool:
     """Whether these numbers alone lose an answer; searches of its kind are run."""
-    after = answers({each: factors[each] for each in part}, [name.partition(":")[0]])
+    kind, _, test = name.partition(": ")
+    after = answers({each: factors[each] for each in part}, [test if kind == "tests" else kind])
     return name in lost(before, after)
 
 
@@ -135,8 +137,8 @@ def unread(which: Sequence[Number], kinds: Sequence[str]) -> list[Number]:
     with watching(by_file) as read:
         import small_searches
 
-        for kind in kinds or small_searches.KINDS:
-            list(small_searches.KINDS[kind]())
+        for _, run in small_searches.searches(kinds):
+            list(run())
     return [number for number in which if number not in read]
 
 

@@ -1,16 +1,23 @@
-"""Small searches of every kind, each of a second or two: what `search_numbers.py` runs with other numbers."""
+"""Small searches of every kind, each of a second or two: what `search_numbers.py` runs with other numbers.
+
+Quick tests below `tests` are searches, too: what they find is whether they pass.
+"""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import diagnosis
 import fit_coverage
 import numpy as np
 import planted
+import pytest
 
 import rungwise as rw
 from rungwise.planning.lift.lift import TENTH
@@ -146,12 +153,42 @@ KINDS: dict[str, Callable[[], Iterator[Answer]]] = {
 }  # fmt: skip
 
 
+class _Verdicts:
+    """A plugin that notes which tests pass."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, str] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call" or report.failed:
+            self.found[report.nodeid] = report.outcome
+
+
+def tested(*where: str) -> Iterator[Answer]:
+    """Whether the quick tests of files, or single tests, pass."""
+    verdicts = _Verdicts()
+    with contextlib.redirect_stdout(io.StringIO()):
+        pytest.main([*where, "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[verdicts])
+    for name, outcome in verdicts.found.items():
+        yield Answer(name, outcome, [], [], 0)
+
+
+def searches(kinds: Sequence[str]) -> Iterator[tuple[str, Callable[[], Iterator[Answer]]]]:
+    """The searches of these kinds, of all if none is given; files of tests are one kind together."""
+    yield from ((kind, KINDS[kind]) for kind in kinds or KINDS if kind in KINDS)
+    if where := [kind for kind in kinds if kind not in KINDS]:
+        yield TESTS, partial(tested, *where)
+
+
+TESTS = "tests"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("kinds", nargs="*", choices=[*KINDS, []])
-    for kind in parser.parse_args(arguments).kinds or KINDS:
+    parser.add_argument("kinds", nargs="*", help="kinds of searches, or files of tests")
+    for kind, run in searches(parser.parse_args(arguments).kinds):
         try:
-            for name, *answer in KINDS[kind]():
+            for name, *answer in run():
                 print(json.dumps([f"{kind}: {name}", *answer]), flush=True)
         except Exception as error:  # what other numbers lead to is an answer, too
             print(json.dumps([f"{kind}: {error!r}", "raised", [], [], 0]), flush=True)

@@ -24,14 +24,13 @@ from rungwise.contact.problem import Array
 from rungwise.contact.solvers.cones import Cones, Layout, centre, cones_of, linearise, longest
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
+from rungwise.contact.solvers.settings import FINISH
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Reals, kernel
 
 NAME = "homotopy"
 _STEPS = 600
 """Most steps along the path, chosen by trial."""
-_FINISH = 1e-2
-"""Residual, in scaled units, below which `newton` first tries to finish; chosen by trial, to a decade."""
 _FAR, _NEAR = 0.7, 0.3
 """Corrections, in the metric of the cone that needs most: beyond the first a step is taken again; within the
 second the next step may be twice as long. Chosen by trial, below 1: longer corrections may leave the
@@ -93,7 +92,7 @@ def accepts(system: System) -> bool:
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the steps. The path has its own beginning, not `start`."""
     whole, cones = newton.form(system), cones_of(system)
-    best, least, finish = start, natural(system, start), _FINISH
+    best, least, finish = start, natural(system, start), FINISH
     unit = centre(cones)
     here = Point(unit, unit, 0.0)
     path = Path(

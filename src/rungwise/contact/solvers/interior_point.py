@@ -22,27 +22,28 @@ from rungwise.contact.problem import Array
 from rungwise.contact.solvers.cones import Cones, beyond, centre, cones_of, linearise, longest
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
+from rungwise.contact.solvers.settings import (
+    FINISH,
+    FORCE,
+    NEARER,
+    RATE,
+    RETAINED,
+    SHORT,
+    STALLED,
+    TO_THE_BOUNDARY,
+)
 from rungwise.contact.solvers.work import Work
 
 NAME = "interior-point"
 _STEPS, _DEAR = 100, 60
 """Most iterations; and most where their work exceeds the allowed work."""
-_FORCE, _RATE = 10.0, 1.0
-"""The first z and w, times the unit of the cones, over the root of their number. Chosen by trial."""
-_TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
-"""The fraction to the boundary, a share of the longest step inside the cones, a little below 1 as usual in
-interior point methods; and the share of the centring by which faults remain. Both values by trial."""
-_EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.1
-"""Residuals, in scaled units, below which one Newton step is tried, and below which several steps are tried;
-and the factor by which the residual must fall before the next try. Chosen by trial, to a decade."""
-_SHORT = 0.1
-"""A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads.
-As a share of the whole step, chosen by trial."""
+_EARLY = 1.0
+"""Residual, in scaled units, below which one Newton step is tried. Chosen by trial, to a decade."""
 _BENT = 0.3
 """A prediction that goes no further than this does not tell how products bend, and a step that goes no
 further is compared with the straight step. As a share of the whole step, chosen by trial."""
-_STALLED, _WINDOW, _SHORT_WINDOW = 0.7, 8, 3
-"""The method ends where product and residual are both above this share of their values a window of iterations
+_WINDOW, _SHORT_WINDOW = 8, 3
+"""The method ends where product and residual are both above `STALLED` of their values a window of iterations
 earlier; the windows while work is left and once it is spent. Chosen by trial."""
 
 
@@ -55,13 +56,13 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     """The best x (N,) met, or `start`; and the iterations. The path has its own beginning, not `start`."""
     whole = newton.form(system)
     best, least, finish = start, natural(system, start), _EARLY
-    if least < _FINISH:
+    if least < FINISH:
         best, least = newton.finish(system, whole, start, tol, work)
     if least <= tol:
         return best, 0
     cones = cones_of(system)
     unit = centre(cones)
-    z, w = _FORCE * unit, _RATE * unit
+    z, w = FORCE * unit, RATE * unit
     _start_between(system, z, w)
     history: list[tuple[float, float]] = []
     for done in range(_STEPS):
@@ -70,8 +71,8 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
         if found < least:
             best, least = x, found
         if found < finish:
-            trial, reached = newton.finish(system, whole, x, tol, work, early=found >= _FINISH)
-            finish = min(_NEARER * found, _FINISH)
+            trial, reached = newton.finish(system, whole, x, tol, work, early=found >= FINISH)
+            finish = min(NEARER * found, FINISH)
             if reached < least:
                 best, least = trial, reached
         history.append((float(z @ w), found))
@@ -92,7 +93,7 @@ def _stalled(history: list[tuple[float, float]], work: Work) -> bool:
     if len(history) < 2 * window:
         return False
     (product, found), (later, now) = history[-window], history[-1]
-    return later > _STALLED * product and now > _STALLED * found
+    return later > STALLED * product and now > STALLED * found
 
 
 def _start_between(system: System, z: Array, w: Array) -> None:
@@ -128,7 +129,7 @@ def _advance(
     length = min(1.0, length)
     predicted = float((z + length * dz) @ (w + length * dw)) / count
     centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
-    aim = centring * product, 1.0 - _RETAINED * centring
+    aim = centring * product, 1.0 - RETAINED * centring
     bend, known = np.zeros(len(z)), length > _BENT
     if known:
         beyond(z, w, dz, dw, layout, np.empty((4, 3)), bend)
@@ -137,7 +138,7 @@ def _advance(
     if known and length < _BENT:
         straight = step(*aim)
         dz, dw, length = straight if straight[2] > length else (dz, dw, length)
-    if length < _SHORT and turning > 0.0:
+    if length < SHORT and turning > 0.0:
         return _advance(cones, z, w, work, 0.0)
-    length = min(1.0, _TO_THE_BOUNDARY * length)
+    length = min(1.0, TO_THE_BOUNDARY * length)
     return z + length * dz, w + length * dw

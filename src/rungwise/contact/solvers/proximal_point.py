@@ -18,14 +18,15 @@ from rungwise.contact.problem import Array
 from rungwise.contact.solvers import gauss_seidel
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
+from rungwise.contact.solvers.settings import STALLED
 from rungwise.contact.solvers.work import Work
 
 NAME = "proximal-point"
 _OUTER, _PATIENT = 120, 5000
 """How many subproblems are solved at most, and how many near a solution with time to spare: where tiny gaps
 decide which contacts carry, forces drift for long from one set to another."""
-_WINDOW, _STALLED = 40, 0.7
-"""The method ends where the least residual is above this share of its value so many subproblems earlier.
+_WINDOW = 40
+"""The method ends where the least residual is above `STALLED` of its value so many subproblems earlier.
 Chosen by trial."""
 _INNER, _SWEEPS = 25, 20
 """Most Newton steps, and most sweeps, of one subproblem; chosen by trial."""
@@ -46,7 +47,7 @@ def accepts(_system: System) -> bool:
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,), and how many subproblems were tried."""
-    return _followed(system, start, tol, work, _OUTER, _STALLED)
+    return _followed(system, start, tol, work, _OUTER, STALLED)
 
 
 @np.errstate(all="ignore")

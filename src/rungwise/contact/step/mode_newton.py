@@ -18,7 +18,8 @@ from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 MAX_FLIPS = 12
-"""Solves in which contacts may change their mode, at most."""
+"""Solves in which contacts may change their mode, at most; in a proximal problem, those in which all may,
+and then as many in which one may."""
 CONTRADICTED = 1e-12
 """Rates over the greatest velocity term, and forces over the greatest force or the limit, that contradict no
 mode: about ten thousand roundings of double precision. Chosen by trial, to a decade."""

@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.linear import factorise, substitute
-from rungwise.contact.step.mode_newton import flip, sign
+from rungwise.contact.step.mode_newton import MAX_FLIPS, flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.step_residual import residual
@@ -27,8 +27,6 @@ FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 Chosen by trial, to a decade."""
 MAX_ROUNDS = 40
 """Proximal problems, at most."""
-MAX_FLIPS = 12
-"""Solves in which all contacts may change their mode, and then as many in which one contact may."""
 TARGET = 1e-11
 """Residual, without unit (see `residual`), at which the rounds end. Chosen by trial, to a decade, between the
 tolerance of steps and rounding."""

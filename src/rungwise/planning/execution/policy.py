@@ -23,7 +23,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import Code
 from rungwise.planning.execution.receding import rest_of, whole
-from rungwise.planning.execution.remaining_legs import PIECE, in_pieces
+from rungwise.planning.execution.remaining_legs import ASTRAY, PIECE, in_pieces
 from rungwise.planning.execution.timed import Timed, still, timed
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.propagate import GOES_ON, Places
@@ -41,9 +41,8 @@ from rungwise.world.stepped import Simulation
 FOLLOWING, RE_PROPOSING, LOST = "following", "re-proposing", "lost"
 """What a policy does: it gives the inputs of its plan; it has proposed the next part anew; or it knows
 nothing that leads on, and goes on with what is left or stands still."""
-ASTRAY, AFRESH = 0.05, 0.02
-"""How far from where it is expected, in parts of the size, an object may be on the way, and as a leg
-begins."""
+AFRESH = 0.02
+"""How far from where it is expected, in parts of the size, an object may be as a leg begins."""
 LOOKS = 5
 """How often a policy is asked at least in the time in which the fastest robot goes a tenth of the size."""
 LEAST, MOST = 100, 2000

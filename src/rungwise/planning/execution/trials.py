@@ -20,14 +20,11 @@ from rungwise.planning.execution.fed_back import FedBack
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.plan import FEEDBACK, RE_PLANNING, Plan, plan_of
-from rungwise.planning.task.task import drawn, fields_of
+from rungwise.planning.task.task import DRAWS, drawn, fields_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import moving_rung
 from rungwise.world.carriers import TaskError
 from rungwise.world.rollout import rollout
-
-DRAWS = 1000
-"""Most draws for each sample within the ranges of the parameters."""
 
 
 class Trials:

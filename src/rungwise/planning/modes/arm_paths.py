@@ -10,10 +10,8 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
-from rungwise.planning.motion.transit import over_objects
+from rungwise.planning.motion.transit import NEAR, over_objects
 
-NEAR = 0.25
-"""Part of the clearance that arms keep on their way."""
 TURN = 0.02
 """Greatest change of hinges, in radians, and of slides, in sizes, between places of a way that are looked
 at."""

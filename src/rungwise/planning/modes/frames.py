@@ -14,9 +14,9 @@ ROAMS, TURN = 1.5, 1.0
 """Room about start and goals in which places are drawn, in parts of the size and in radians."""
 TURNS = ("angle", "rx", "ry", "rz")
 """How the turns of a body are called."""
-ROUND, PLACES = 1e-9, 240
-"""Part of its size by which the outline of a round object is off a circle, or a ball; and how many of its
-places are looked at."""
+ROUND, AROUND = 1e-9, 240
+"""Part of its size by which the outline of a round object is off a circle, or a ball; and how many places of
+an outline are looked at, there and where those are sought that are opposite of others, or face alike."""
 
 
 class Turned(Protocol):
@@ -73,7 +73,7 @@ def asks_turn(task: Task, body: str) -> bool:
 
 def is_round(around: Surroundings, body: int) -> bool:
     """Whether the outline of a body is a circle, or a ball, about the origin of its pose."""
-    points, _ = around.outline(body)(np.arange(0.5, PLACES) / PLACES)
+    points, _ = around.outline(body)(np.arange(0.5, AROUND) / AROUND)
     away = np.linalg.norm(points, axis=1)
     return bool(np.ptp(away) <= ROUND * away.max())
 

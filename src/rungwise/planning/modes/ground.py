@@ -15,6 +15,7 @@ from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sor
 from rungwise.planning.modes.forces.cones import Memory, memory_for, see
 from rungwise.planning.modes.forces.motions import turn
 from rungwise.planning.modes.frames import (
+    AROUND,
     ROAMS,
     TURN,
     TURNS,
@@ -25,7 +26,7 @@ from rungwise.planning.modes.frames import (
     wedge,
     weights_of,
 )
-from rungwise.planning.modes.joints.inverse_kinematics import Reach, reached
+from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, reached
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches, frame_of
 from rungwise.world.contract import OBJECT
@@ -37,16 +38,12 @@ APART = 0.1
 """Part of their clearance that fingers keep from what they do not touch."""
 CORRECTIONS = 3
 """Steps of Newton's method with which contacts that are kept are closed again."""
-EXACT = 1e-3
-"""Gap, in parts of those that count as closed, that is left after correction."""
 EDGE = 0.08
 """How near to a corner of the outline a finger may be, in parts of half the edge."""
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
 SPINS = 0.1
 """Weight of a round object's angle where the goal does not ask for it, over its usual one: it may roll."""
-AROUND = 240
-"""Places on the outline among which those that are opposite of others, or face alike, are sought."""
 ALIKE = 0.9
 """Cosine of the angle between normals up to which places on the outline face alike."""
 

@@ -19,7 +19,7 @@ from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import Found, Work
-from rungwise.planning.search.search import search, search_once
+from rungwise.planning.search.search import IDLE, search, search_once
 from rungwise.scene.language.lasting import names_in
 from rungwise.world.contract import OUTLINES
 from rungwise.world.find import world_of
@@ -38,8 +38,8 @@ ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
 objects, and a turn by modes where they do not."""
 SPARING = 4.0
 """How much more a node with a course lacks where more of its moves than of the course are spent."""
-OTHERS, THROUGH = 0.1, 0.1
-"""How often another object than one of the goal is moved; and how often one that fingers may touch is pushed
+OTHERS = 0.1
+"""How often another object than one of the goal is moved, and how often one that fingers may touch is pushed
 by another."""
 ASIDE = 0.8
 """How often an object pushes others aside that lie loose, where it may, in place of all else."""
@@ -53,8 +53,6 @@ WAYS = "ways of objects alone"
 """By which these are kept for all stages."""
 NO_WAY = "no way of the object alone past what stands around it"
 """Why no course was found."""
-IDLE = 8
-"""Turns in a row in which nothing was run after which no more follow."""
 
 
 def suits(work: Work) -> bool:
@@ -267,11 +265,11 @@ class ModePlanner:
             return pushing[int(self.work.rng.integers(len(pushing)))]
         touched = {ground.body for ground in grounds}
         direct = [ground for ground in wanted if not ground.pushes or ground.last not in touched]
-        if direct and len(direct) < len(wanted) and self.work.rng.random() > THROUGH:
+        if direct and len(direct) < len(wanted) and self.work.rng.random() > OTHERS:
             wanted = direct
         busy = {ground.body for ground in direct if ground.pushes}
         others = [ground for ground in wanted if ground.pushes or ground.body not in busy]
-        if len(others) < len(wanted) and self.work.rng.random() > THROUGH:
+        if len(others) < len(wanted) and self.work.rng.random() > OTHERS:
             wanted = others
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
             grounds = wanted

@@ -9,7 +9,8 @@ from collections.abc import Collection
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.modes.ground import AROUND, Ground, Seen
+from rungwise.planning.modes.frames import AROUND
+from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT

@@ -22,10 +22,9 @@ from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.pushed import led_target
 from rungwise.planning.search.problem import LEGS, TREES
 
-TO_GOAL = 0.7
-"""Part of the places that are drawn at the goal."""
-ON_PATH = 0.7
-"""Part of the places that are drawn on the path, where one is given."""
+AIMED = 0.7
+"""Part of the places that are drawn on the path, where one is given, and of all others that are drawn at the
+goal."""
 BEEN, AHEAD = 0.3, 3
 """How near to a place of a path, in parts of the size, nodes count as there; and how many places ahead are
 drawn."""
@@ -122,10 +121,10 @@ def propose(
     grown[TREES] += 1
     for _ in range(rounds):
         look(1)
-        if len(path) and rng.random() < ON_PATH:
+        if len(path) and rng.random() < AIMED:
             at = tree.been - (int(rng.geometric(BACK)) if rng.random() < BEHIND else 0)
             target = path[min(max(at, 0) + int(rng.integers(1, AHEAD + 1)), len(path) - 1)]
-        elif rng.random() < TO_GOAL:
+        elif rng.random() < AIMED:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
             target = ground.drawn(home, room, rng)

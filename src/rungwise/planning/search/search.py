@@ -23,7 +23,8 @@ from rungwise.planning.search.tree import grow
 
 DEPTHS, ROUNDS, IDLE = 8, 8, 8
 """Trees that have each one move more than the last, before trees of few moves follow again; how often each
-grows; and trees in a row without a single step after which no more follow."""
+grows; and trees, or turns of other
+searches, in a row without a single step after which no more follow."""
 GENERATIONS, WAYS, PROMISING = 6, 12, 1.5
 """Generations of shooting about a tree's ways, how many of these, and how much more than the best of all the
 best of so many moves may lack."""

@@ -37,7 +37,7 @@ STILL, WAITS = 1e-2, 10.0
 PUSHES, LEAN = (0.05, 5.0), math.pi / 4.0
 """Lengths of pushes over the objects' size, and how far they lean, of robots named as fingers alone."""
 DRAWS = 1000
-"""Most draws for each instance wanted."""
+"""Most draws for each instance or sample wanted."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,6 @@ from rungwise.simulation.planar.state.workspace import Workspace, time_slot
 from rungwise.system.planar.joints import measure
 from rungwise.system.planar.terms import target
 
-HALVINGS = 60
-"""Halvings that reduce a span of time to rounding."""
-
 
 @dataclass(frozen=True)
 class Leap:
@@ -96,10 +93,7 @@ def _is_concerned(i: int, workspace: Workspace) -> bool:
 def _leap(servo: _Servo, begin: float, end: float, least: float) -> Leap | None:
     """Halve the time towards where the target, followed from the servo's place, moves most."""
     low, high = servo.place, servo.target(end)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (begin + end)
-        if not begin < middle < end:
-            break
+    while begin < (middle := 0.5 * (begin + end)) < end:
         value = servo.target(middle)
         if abs(value - low) > abs(high - value):
             end, high = middle, value

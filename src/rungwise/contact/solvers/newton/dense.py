@@ -11,10 +11,11 @@ from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.problem import Array, Laws
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton.reduced import INTS, REALS, directions, factorise_reduced, solve_reduced
+from rungwise.contact.solvers.settings import CHORDS, HALVINGS
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
-HALVINGS, WINDOW, CHORDS = 7, 12, 3
-"""Most lengths of a step; steps in which |F| must halve; most steps with old factors. Chosen by trial."""
+WINDOW = 12
+"""Steps in which |F| must halve. Chosen by trial."""
 LEAST = 1e-9
 """Damping of every step, in scaled units: where forces are not unique they still move little.
 Chosen by trial, to a decade."""

@@ -24,8 +24,6 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.newton.condensed import solver
 from rungwise.contact.solvers.newton.dense import (
-    CHORDS,
-    HALVINGS,
     LEAST,
     WINDOW,
     alart_curnier,
@@ -33,6 +31,7 @@ from rungwise.contact.solvers.newton.dense import (
     scratch_for,
 )
 from rungwise.contact.solvers.newton.factors import SMALL, factors
+from rungwise.contact.solvers.settings import CHORDS, HALVINGS
 from rungwise.contact.solvers.work import Work
 
 _YIELD = 1e-7

@@ -18,9 +18,9 @@ from rungwise.contact.least_degree import Pattern
 from rungwise.contact.solvers.plane.flips import flip
 from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
 from rungwise.contact.solvers.plane.part import Part, sizes_of
+from rungwise.contact.step.mode_newton import MAX_FLIPS
 from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import (
-    MAX_FLIPS,
     MAX_ROUNDS,
     MOST,
     STILL,

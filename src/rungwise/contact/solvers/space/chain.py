@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rungwise.contact.solvers.settings import FINISH, NEARER, STALLED
 from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
 from rungwise.contact.solvers.space.newton import Steps, descend, is_wide, plan_blocks
 from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
@@ -47,12 +48,9 @@ _SWEEPS, _STEPS = 4, 6
 """Sweeps before Newton's method, and most of its steps. Chosen by trial."""
 _SUBPROBLEMS = 60
 """Most subproblems of the proximal point method; chosen by trial."""
-_PATH, _WINDOW, _STALLED = 40, 6, 0.7
-"""Most steps of the interior point method, which ends where product and residual are above this share of
+_PATH, _WINDOW = 40, 6
+"""Most steps of the interior point method, which ends where product and residual are above `STALLED` of
 their values a window of steps earlier. Chosen by trial."""
-_FINISH, _NEARER = 1e-2, 0.1
-"""Residual below which the proximal point method is tried from the path, and the factor by which the residual
-must fall before it is tried again. Chosen by trial."""
 _STILL = 1e-6
 """Tangential rate over its largest term up to which a contact at the limit of its friction sticks: a hundred
 times the tolerance; chosen by trial, to a decade."""
@@ -295,21 +293,21 @@ def _by_path(island: Island, room: Room) -> bool:
     tol, least = _MARGIN * TOLERANCE, math.inf
     point, trial, attempt, best, answers, duals, steps = room
     begin(island, point, duals, steps)
-    finish, earlier, before = _FINISH, math.inf, math.inf
+    finish, earlier, before = FINISH, math.inf, math.inf
     for done in range(_PATH):
         if island.halt[0] != 0 or not advance(island, point, duals, steps):
             break
         found = residual_at(island, point, steps)
         if done % _WINDOW == 0:
             product, _ = product_ahead(island, point.x, duals, 0.0, steps)
-            if not (product <= _STALLED * earlier or found <= _STALLED * before):
+            if not (product <= STALLED * earlier or found <= STALLED * before):
                 break
             earlier, before = product, found
         if found < least:
             least = found
             put(island, point, best)
         if found < finish:
-            finish = _NEARER * found
+            finish = NEARER * found
             put(island, point, attempt)
             found = approach(island, answers, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:

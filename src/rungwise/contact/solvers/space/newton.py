@@ -23,6 +23,7 @@ from rungwise.contact.block_factors import factorise as factorise_blocks
 from rungwise.contact.block_factors import substitute as substitute_blocks
 from rungwise.contact.least_degree import Pattern
 from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.solvers.settings import CHORDS, HALVINGS
 from rungwise.contact.solvers.space.measure import Island, Point, measure
 from rungwise.contact.solvers.space.rows import Groups
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
@@ -33,12 +34,12 @@ much, and forces by rounding over it. Chosen by trial, to a decade."""
 _FIRMER, _LEAST = 1e-3, 1e-14
 """Factor on the yield where whole steps are slow, as where a light body carries a heavy one, and the least
 yield. Chosen by trial, to a decade."""
-_HALVINGS, _FALL = 7, 1e-2
-"""Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
+_FALL = 1e-2
+"""The least fall of the map over the length of a step. Chosen by trial."""
 _WIDE = 60
 """Coordinates of an island from which on its matrix is kept by its blocks, which is faster then."""
-_CHORDS, _FAST = 3, 0.2
-"""Most steps with old factors, and the factor by which each must bring the map down. Chosen by trial."""
+_FAST = 0.2
+"""Factor by which each step with old factors must bring the map down. Chosen by trial."""
 
 
 class Steps(NamedTuple):
@@ -322,10 +323,10 @@ def descend(island: Island, tol: float, most: int, point: Point, trial: Point, s
     for _ in range(most):
         if not prepare(island, give, 0.0, steps):
             return
-        for attempt in range(1 + _CHORDS):
+        for attempt in range(1 + CHORDS):
             find_step(island, point, steps)
             length, newer = 1.0, math.inf
-            for _ in range(_HALVINGS if attempt == 0 else 1):
+            for _ in range(HALVINGS if attempt == 0 else 1):
                 move(island, point, length, steps, trial)
                 newer = evaluate(island, 0.0, trial, steps)
                 if newer <= ((1.0 - _FALL * length) if attempt == 0 else _FAST) * size:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rungwise.contact.solvers.settings import FORCE, RATE, RETAINED, SHORT, TO_THE_BOUNDARY
 from rungwise.contact.solvers.space.measure import Island, Point
 from rungwise.contact.solvers.space.newton import (
     GIVE,
@@ -29,10 +30,6 @@ from rungwise.contact.solvers.space.rows import Groups
 from rungwise.contact.solvers.space.sweeps import accelerate
 from rungwise.kernel import Reals, inner_kernel, kernel
 
-_FORCE, _RATE = 10.0, 1.0
-"""The first z and w, in units of the energy of the rates without forces. As in `interior_point`."""
-_TO_THE_BOUNDARY, _RETAINED, _SHORT = 0.95, 0.7, 0.1
-"""As in `interior_point`."""
 _TINY = 1e-300
 
 
@@ -65,10 +62,10 @@ def begin(island: Island, point: Point, duals: Duals, steps: Steps) -> None:
         row = groups.row[g]
         pace, mu, limit = math.sqrt(reach(groups, g, groups.row[g + 1] - row)), groups.mu[g], groups.limit[g]
         if mu >= 0.0:
-            x[row] = _FORCE * unit * pace / (mu if mu > 0.0 else 1.0)
-            w[row] = _RATE * unit / pace
+            x[row] = FORCE * unit * pace / (mu if mu > 0.0 else 1.0)
+            w[row] = RATE * unit / pace
         elif 0.0 < limit < math.inf:
-            w[row] = other[row] = _FORCE * _RATE * unit * unit / limit
+            w[row] = other[row] = FORCE * RATE * unit * unit / limit
     accelerate(island, point)
 
 
@@ -92,13 +89,13 @@ def advance(island: Island, point: Point, duals: Duals, steps: Steps) -> bool:
             if predicts and product > 0.0:
                 ahead, _ = product_ahead(island, point.x, duals, min(1.0, length), steps)
                 centring = min(1.0, max(ahead / (max(cones, 1) * product), 0.0)) ** 3
-                repaired = 1.0 - _RETAINED * centring
-        if length >= _SHORT:
+                repaired = 1.0 - RETAINED * centring
+        if length >= SHORT:
             break
         turning = 0.0
     if not length > 0.0:
         return False
-    length = min(1.0, _TO_THE_BOUNDARY * length)
+    length = min(1.0, TO_THE_BOUNDARY * length)
     for i in range(span.low, span.high):
         point.v[i] += length * steps.dv[i - span.low]
     for r in range(groups.row[span.first], groups.row[span.last]):

@@ -21,7 +21,7 @@ BESIDE, CLOSES = 0.5, 8
 STILL = 1e-7
 """Change of joints in a step below which they go no farther."""
 EXACT = 1e-3
-"""Gap, in parts of those that count as closed, that is left where an arm touches."""
+"""Gap, in parts of those that count as closed, that is left where an arm touches, and after correction."""
 AHEAD, MIDDLE = 0.2, 60
 """How far before a point, in parts of the size, an arm in space is led at first; and places on its last body
 whose mean is its middle."""
