@@ -154,7 +154,7 @@ def _parting(
         elif moving := [each for each in plan.diagnosis if UNTOUCHED not in each.causes]:
             found = max(moving, key=lambda each: each.distance)
         else:
-            refuse("parting: the plan parts on none of its stages; name two rungs with --model")
+            refuse("parting: the plan moves alike on all of its stages; name two rungs with --model")
         draw = drawer_of(plan.scene).parting
         if draw is None:
             refuse("parting: is drawn of planar plans only")

@@ -89,10 +89,10 @@ class Diagnosis(ByContent):
         return " + ".join(self.causes) or (OPEN if self.unfinished else NOTHING)
 
     def __str__(self) -> str:
-        """A line on where motions part, and one for each cause and each end that a certificate proves."""
-        where = f"{self.body} parts at t = {self.time:.4g}, {self.distance:.3g} apart at most"
+        """A line on where motions differ, and one for each cause and each end that a certificate proves."""
+        where = f"{self.body} differs from t = {self.time:.4g} on, by at most {self.distance:.3g}"
         if self.cause == NOTHING:
-            where = f"{NOTHING} ({self.distance:.2g} apart at most)"
+            where = f"{NOTHING} (at most {self.distance:.2g})"
         head = f"{self.before} -> {self.after}: {where}; {self.outcome}"
         said = [*self.reasons, self.unfinished] if self.unfinished else self.reasons
         return "\n".join([head, *(f"  {line}" for line in said)])
@@ -124,7 +124,7 @@ class Diagnosis(ByContent):
 
 def table(found: Sequence[Diagnosis]) -> list[str]:
     """Where a plan parts from stage to stage: a row for each diagnosis, with its sentences below it."""
-    lines = [f"{'parts on':29} {'at t':>8}  {'body':8} {'apart':>8}  {'ends':13}  why"]
+    lines = [f"{'differs on':29} {'at t':>8}  {'body':8} {'apart':>8}  {'ends':13}  why"]
     for each in found:
         row = f"{each.after:29} {each.time:8.4g}  {each.body:8} {each.distance:8.3g}  {each.outcome:13}  "
         lines += wrap(row + each.cause, WIDE, subsequent_indent=" " * len(row))

@@ -82,7 +82,7 @@ class Replay:
         most = float(self.apart.max(initial=0.0))
         if math.isnan(self.parts):
             return f"at most {most:.2g} apart"
-        return f"{self.body} parts at t = {self.parts:.4g}, {most:.2g} apart at most"
+        return f"{self.body} differs from t = {self.parts:.4g} on, by at most {most:.2g}"
 
     def __str__(self) -> str:
         head = f"{self.run.scene.name}: {self.run.model.name} beside {self.judge} ({self.settings})"
