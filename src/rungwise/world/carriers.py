@@ -123,8 +123,9 @@ class Surfaces(NamedTuple):
 class Touches(NamedTuple):
     """What is nearer than asked at one place, and what acts there: pairs (k,) of the scene's contacts;
     features (k,), numbers that stay while the same parts of shapes are nearest; gaps (k,); points and normals
-    (k, d), from the second body to the first; rows (k, d, n_v): rates of the gap, then of slip, per unit of
-    each velocity; friction (k,); the least gaps (c,) of all pairs, of those that are farther at least what
+    (k, d), from the second body to the first; rows (k, 1 + t, n_v): rates of the gap, then of slip, per unit
+    of each velocity, then, with torsion, of the turn about the normal, times torsional over sliding friction;
+    friction (k,); the least gaps (c,) of all pairs, of those that are farther at least what
     was asked; poses (b, 3) of the bodies in the plane: centre of mass and angle, in space (b, 7): origin and
     quaternion; weight and given forces (n_v,); and friction of supports."""
 
@@ -144,7 +145,8 @@ class Touches(NamedTuple):
 class Near(NamedTuple):
     """The nearest points of two bodies, however far: their gap; the point (d,) of the scene's first body;
     the normal (d,), from the second to the first, and what is across it (d - 1, d); rows (d, n_v): rates of
-    the gap, and of the first body over the second along these; and friction."""
+    the gap, and of the first body over the second along these; friction; and torsional over sliding friction,
+    as a length."""
 
     gap: float
     point: Reals
@@ -152,6 +154,7 @@ class Near(NamedTuple):
     across: Reals
     rows: Reals
     friction: float
+    twist: float = 0.0
 
 
 def frame_of(pose: Reals) -> tuple[Reals, Reals]:
@@ -189,9 +192,11 @@ class Outline(Protocol):
 class Surroundings(Protocol):
     """What touches what in a scene at one set of parameters, and the forces that act there. stiffness, limit
     (n_v,): of the servos of coordinates, 0 and infinite where there are none; owners (n_v,), placed (n_q,):
-    the body of each velocity, and of each coordinate; dimension: 2 or 3."""
+    the body of each velocity, and of each coordinate; dimension: 2 or 3; tangents: directions in which
+    contacts resist slip, 3 where some in space resist turns about their normals as well."""
 
     dimension: int
+    tangents: int
     stiffness: Reals
     limit: Reals
 
@@ -211,8 +216,9 @@ class Surroundings(Protocol):
         """The gaps (p,) of some of the scene's contacts (p,) at a place (n_q,)."""
 
     def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
-        """Rows (m, d, n_v) as of `Touches`, of contacts at points (m, d) of a body, in the frame of its pose,
-        with what stands still, along normals (m, d), in the world, that go into it."""
+        """Rows (m, 1 + t, n_v) as of `Touches`, of contacts at points (m, d) of a body, in the frame of its
+        pose, with what stands still, along normals (m, d), in the world, that go into it; turns about the
+        normals as they are."""
 
     def changed(self, q: Reals, change: Reals) -> Reals:
         """The place (n_q,) after a change (n_v,)."""

@@ -19,6 +19,7 @@ from rungwise.planning.modes.forces.cones import PART, SLIDE
 from rungwise.planning.modes.frames import weights_of
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
+from rungwise.planning.modes.outlines import alike
 from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner
 from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.budget import Budget, Stage
@@ -390,7 +391,7 @@ def test_two_fingers_at_given_speeds_push_side_by_side() -> None:
         assert found.change * ground.units == pytest.approx(want, abs=1e-6)
         pushes = [found.pushes[finger.columns] @ -normal[0] for finger in ground.fingers]
         assert min(pushes) > 0.05 * max(pushes)
-    parts = ground.alike(np.full(50, 0.05), np.random.default_rng(0))
+    parts = alike(ground.around.outline(ground.body), np.full(50, 0.05), np.random.default_rng(0))
     assert ground.around.outline(ground.body)(parts)[1] == pytest.approx(np.tile(normal[0], (50, 1)))
     assert np.ptp(parts) > 0.1 and point.shape == (2, 2)
 

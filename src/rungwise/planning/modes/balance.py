@@ -38,8 +38,9 @@ from rungwise.planning.modes.forces.motions import (
     pushed,
     turn,
 )
-from rungwise.planning.modes.grips import Grip, grips, touching
+from rungwise.planning.modes.grips import Grip, bind, grips, touching
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.world.carriers import frame_of
 
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
@@ -125,7 +126,7 @@ def _held_motion(
 ) -> Motion | None:
     """See `motion`, of an object that is held so."""
     support, memory = carried(ground, seen), _seen(ground, seen)
-    memory.flat[0] = ground.turning + 1 if held.flat else 0
+    bind(ground, seen, held, memory)
     if support is None and len(ground.turns) and not is_led_by(ground, seen, held, mode):
         support = _dragged(ground, seen, mode, memory)
         found = support and _on_support(ground, seen, held, mode, want, support, memory)
@@ -156,7 +157,7 @@ def _opens(ground: Ground, seen: Seen, used: Ints, found: Motion) -> bool:
     every = [k for f in np.flatnonzero(used) for k in touching(ground, seen, int(f))]
     if len(every) == int((found.led >= 0).sum()):
         return True
-    change = ground.moved(seen, found.change, used, found.led) - seen.q
+    change = ground.around.change(seen.q, ground.moved(seen, found.change, used, found.led))
     rates = seen.touches.rows[every, 0] @ change
     return bool(rates.min() >= -KEPT * float(np.linalg.norm(found.change * ground.units)))
 
@@ -197,6 +198,21 @@ def could(
     return makes
 
 
+def finger_edges(ground: Ground, seen: Seen, parts: Reals) -> Reals:
+    """Edges (m, s, k), over units, of the forces on a free object of a finger that touches at parts (m,)
+    of its outline, with the friction of the first finger that may touch it."""
+    _, turned = frame_of(seen.touches.poses[ground.body])
+    points, normals = ground.around.outline(ground.body)(parts)
+    rows = ground.around.rows(seen.q, ground.body, points, -normals @ turned.T)[:, :, ground.columns]
+    f = int(np.flatnonzero(ground.own >= 0)[0])
+    mu = (1.0 - ground.fingers[f].reserve) * ground.frictions[f]
+    ring = ground.memory(0).ring
+    if ground.around.tangents > 2:
+        rows[:, 3] *= ground.twists[f]
+    edges = [rows[:, 0] + mu * np.tensordot(own, rows[:, 1:], (0, 1)) for own in ring]
+    return np.asarray(np.stack(edges, axis=1) / ground.units)
+
+
 def held_edges(ground: Ground, seen: Seen, used: Ints) -> Reals:
     """Edges (s f, k), over units, of the forces of fingers that hold the object (f,)."""
     memory = _seen(ground, seen)
@@ -217,7 +233,7 @@ def _seen(ground: Ground, seen: Seen, edges: int = 0) -> Memory:
     """Memory in which the contacts of the object with its surroundings are written."""
     memory, touches = ground.memory(len(seen.closed), edges), seen.touches
     see(touches.rows, touches.friction, seen.closed, ground.columns, ground.units, memory)
-    memory.flat[0] = 0
+    memory.bounds[0] = 0
     return memory
 
 

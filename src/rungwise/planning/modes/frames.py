@@ -76,10 +76,3 @@ def is_round(around: Surroundings, body: int) -> bool:
     points, _ = around.outline(body)(np.arange(0.5, AROUND) / AROUND)
     away = np.linalg.norm(points, axis=1)
     return bool(np.ptp(away) <= ROUND * away.max())
-
-
-def wedge(ways: Reals, along: Reals) -> Reals:
-    """How far ways (..., d) lead off directions (..., d) of length 1."""
-    if ways.shape[-1] == 2:
-        return np.abs(ways[..., 0] * along[..., 1] - ways[..., 1] * along[..., 0])
-    return np.asarray(np.linalg.norm(np.cross(ways, along), axis=-1))

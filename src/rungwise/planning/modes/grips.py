@@ -2,7 +2,8 @@
 
 A finger of x and y does not turn. An object that sticks to it at several places goes with it as it is; where
 it is to turn, it does so about one of these, and leaves the others (pushes along an edge: Lynch and Mason,
-Stable pushing, 1996).
+Stable pushing, 1996). In space joints may turn a finger: an object that sticks to it goes where these lead
+all contacts together.
 """
 
 from __future__ import annotations
@@ -12,18 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.forces.cones import Memory
 from rungwise.planning.modes.ground import Ground, Seen
 
 SAME = 1e-2
 """Distance of two contacts of a finger, in parts of the object's size, up to which they are one."""
 MOST = 8
 """Most ways to hold an object that are tried, of fingers that touch it at several places."""
+FREE = 1e-3
+"""Motion of the contacts of a finger, over the greatest that its joints make, that counts as none."""
 
 
 class Grip(NamedTuple):
     """The contacts (g,) at which fingers `of` (g,) press, the one by which each finger is led (f,), -1 for
-    none, and whether the object cannot turn."""
+    none, and whether some finger touches at several, so that in the plane the object cannot turn."""
 
     contacts: Ints
     of: Ints
@@ -40,9 +44,36 @@ def grips(ground: Ground, seen: Seen, used: Ints) -> list[Grip]:
         return [Grip(led[of], of, led, False)]
     every = [touching(ground, seen, f) if used[f] else [] for f in range(len(used))]
     found = [_grip(every)]
-    if found[0].flat:
+    if found[0].flat and ground.around.dimension == 2:
         found += [_grip([[each] for each in picked]) for picked in product(*(own or [-1] for own in every))]
     return found[:MOST]
+
+
+def bind(ground: Ground, seen: Seen, held: Grip, memory: Memory) -> None:
+    """Write the directions in which fingers that hold the object so do not let it go: its turn, in the plane
+    where one holds it at several contacts; in space what no joints of a finger make all its contacts do."""
+    rows = np.zeros((0, len(ground.columns)))
+    if ground.around.dimension == 2:
+        rows = np.eye(len(ground.columns))[[ground.turning] if held.flat else []]
+    elif held.flat or seen.touches.rows.shape[1] > 3:
+        rows = _not_followed(ground, seen, held)
+    memory.bounds[0] = len(rows)
+    memory.bound[: len(rows)] = rows
+
+
+def _not_followed(ground: Ground, seen: Seen, held: Grip) -> Reals:
+    """Orthonormal directions (r, k) of the object's change, over units, along which contacts of a finger
+    would have to move as its joints do not."""
+    every = list[Reals]()
+    for f in np.unique(held.of):
+        finger, rows = ground.fingers[f], seen.touches.rows[held.contacts[held.of == f]]
+        rows = rows.reshape(-1, rows.shape[2])
+        ways, sizes, _ = np.linalg.svd(rows[:, finger.moved] @ finger.rates(seen.q))
+        left = ways[:, int((sizes > FREE * sizes[0]).sum()) :]
+        every.append(left.T @ rows[:, ground.columns] / ground.units)
+    rows = np.concatenate(every)
+    _, sizes, axes = np.linalg.svd(rows)
+    return np.asarray(axes[: int((sizes > FREE).sum())])
 
 
 def touching(ground: Ground, seen: Seen, f: int) -> list[int]:

@@ -15,7 +15,6 @@ from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sor
 from rungwise.planning.modes.forces.cones import Memory, memory_for, see
 from rungwise.planning.modes.forces.motions import turn
 from rungwise.planning.modes.frames import (
-    AROUND,
     ROAMS,
     TURN,
     TURNS,
@@ -23,12 +22,11 @@ from rungwise.planning.modes.frames import (
     drawn_in_space,
     is_round,
     marks_in_space,
-    wedge,
     weights_of,
 )
-from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, reached
+from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, laid, middle_of, reached
 from rungwise.planning.task.task import Task
-from rungwise.world.carriers import Surroundings, Touches, frame_of
+from rungwise.world.carriers import Near, Surroundings, Touches, frame_of
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 
@@ -40,12 +38,12 @@ CORRECTIONS = 3
 """Steps of Newton's method with which contacts that are kept are closed again."""
 EDGE = 0.08
 """How near to a corner of the outline a finger may be, in parts of half the edge."""
+DEPENDENT = 1e-6
+"""Motion of contacts, over the greatest that drives make, below which drives count as dependent."""
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
 SPINS = 0.1
 """Weight of a round object's angle where the goal does not ask for it, over its usual one: it may roll."""
-ALIKE = 0.9
-"""Cosine of the angle between normals up to which places on the outline face alike."""
 
 
 class Seen(NamedTuple):
@@ -224,49 +222,25 @@ class Ground:
         """Where on the outline a finger touches (or is, if at several), and how far from corners: 0..1."""
         point, pose = seen.touches.points[seen.held[f]], seen.touches.poses[self.body]
         if self.fingers[f].contacts > 1:
-            normal, centre = seen.touches.normals[seen.held[f]], seen.touches.poses[self.fingers[f].body]
-            middle = centre[: len(normal)]
+            normal, middle = seen.touches.normals[seen.held[f]], self._middle(seen, f)
             point = middle + normal * ((point - middle) @ normal)
         at, turned = frame_of(pose)
         return self.around.outline(self.body).part_of((point - at) @ turned)
 
-    def opposite(self, parts: Reals) -> Reals:
-        """Parts (m,) of the outline that face others (m,) across the body, nearest to their normals' line."""
-        outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
-        points, normals = outline(parts)
-        others, facing = outline(every)
-        ways = others[None] - points[:, None]
-        across = wedge(ways, normals[:, None])
-        faces = (facing[None] * normals[:, None]).sum(axis=2)
-        return np.asarray(every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)])
-
-    def alike(self, parts: Reals, rng: np.random.Generator) -> Reals:
-        """Parts (m,) of the outline that face where others (m,) do, nearly, drawn among those; the same parts
-        where nothing else does."""
-        outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
-        normals, facing = outline(parts)[1], outline(every)[1]
-        drawn = rng.random((len(parts), AROUND)) * (normals @ facing.T > ALIKE)
-        best = drawn.argmax(axis=1)
-        return np.where(drawn[np.arange(len(parts)), best] > 0.0, every[best], parts)
-
-    def edges(self, seen: Seen, parts: Reals) -> Reals:
-        """Edges (m, s, k), over units, of the forces on a free object of a finger that touches at parts (m,)
-        of its outline, with the friction of the first finger that may touch it."""
-        _, turned = frame_of(seen.touches.poses[self.body])
-        points, normals = self.around.outline(self.body)(parts)
-        rows = self.around.rows(seen.q, self.body, points, -normals @ turned.T)[:, :, self.columns]
-        f = int(np.flatnonzero(self.own >= 0)[0])
-        mu = (1.0 - self.fingers[f].reserve) * self.frictions[f]
-        ring = self.memory(0).ring
-        edges = [rows[:, 0] + mu * np.tensordot(own, rows[:, 1:], (0, 1)) for own in ring]
-        return np.asarray(np.stack(edges, axis=1) / self.units)
+    def _middle(self, seen: Seen, f: int) -> Reals:
+        """The middle (d,) of a finger: its centre of mass in the plane, of its surface in space."""
+        body = self.fingers[f].body
+        at, turned = frame_of(seen.touches.poses[body])
+        if self.around.dimension == 2:
+            return at
+        return np.asarray(at + turned @ middle_of(self.around, body))
 
     def memory(self, contacts: int, edges: int = 0) -> Memory:
         """Memory of kernels for so many contacts with surroundings, and edges of forces."""
         for memory in self._memories:
             if len(memory.friction) >= contacts and len(memory.edges) > edges:
                 return memory
-        size = (len(self.columns), len(self.around.owners), self.around.dimension - 1)
+        size = (len(self.columns), len(self.around.owners), self.around.tangents)
         held = sum(finger.contacts for finger in self.fingers)
         self._memories[:] = [memory_for(contacts + MORE, held, edges + MORE, *size)]
         return self._memories[0]
@@ -314,11 +288,18 @@ class Ground:
     @cached_property
     def frictions(self) -> Reals:
         """Friction of each finger on the object (f,)."""
-        found = np.zeros(len(self.fingers))
+        return np.array([0.0 if each is None else each.friction for each in self._first])
+
+    @cached_property
+    def twists(self) -> Reals:
+        """Torsional over sliding friction of each finger on the object (f,), as lengths."""
+        return np.array([0.0 if each is None else each.twist for each in self._first])
+
+    @cached_property
+    def _first(self) -> list[Near | None]:
+        """Nearest points of each finger and the object, at the start."""
         start = world_of(self.task.scene).at(self.task.parameters).q
-        for f, pair in enumerate(self.own):
-            found[f] = self.around.near(start, int(pair)).friction if pair >= 0 else 0.0
-        return found
+        return [self.around.near(start, int(pair)) if pair >= 0 else None for pair in self.own]
 
     def placed(self, q: Reals, f: int, part: float) -> Reals | None:
         """The place (n,) with a finger at this part of the outline; None where it does not come there."""
@@ -331,7 +312,8 @@ class Ground:
             wanted = Reach(
                 pair, 1.0 if first else -1.0, finger.body, point, normal, self.task.size, self.closed
             )
-            posed = reached(self.around, finger.arm, q, wanted)
+            to = reached if finger.contacts == 1 else laid
+            posed = to(self.around, finger.arm, q, wanted)
             return next((each for each in posed if self.look(each).held[f] >= 0), None)
         found[finger.columns] = point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
@@ -350,9 +332,10 @@ class Ground:
         for f in self.arms:
             if not used[f]:
                 continue
-            rows, finger = seen.touches.rows[seen.held[f]], self.fingers[f]
+            rows, finger = seen.touches.rows[self.touched(seen, f)], self.fingers[f]
+            rows = rows.reshape(-1, rows.shape[2])
             own = rows[:, finger.moved] @ finger.rates(q)
-            along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=None)[0]
+            along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=DEPENDENT)[0]
             q = finger.put(q, finger.drives(q) + along)
         return q
 
@@ -372,11 +355,20 @@ class Ground:
             touch(seen.touches.rows, seen.touches.gaps, seen.held, held, self.placing, q)
             for f in self.arms:
                 if held[f] and seen.held[f] >= 0:
-                    finger, gap = self.fingers[f], seen.touches.gaps[seen.held[f]]
-                    normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
-                    if normal @ normal > 0.0:
-                        q = finger.put(q, finger.drives(q) - normal * gap / (normal @ normal))
+                    finger, own = self.fingers[f], self.touched(seen, f)
+                    normals = seen.touches.rows[own, 0][:, finger.moved] @ finger.rates(q)
+                    closing = np.linalg.lstsq(normals, -seen.touches.gaps[own], rcond=DEPENDENT)[0]
+                    q = finger.put(q, finger.drives(q) + closing)
         return self.look(q)
+
+    def touched(self, seen: Seen, f: int) -> list[int]:
+        """The contacts at which a finger touches the object: the nearest one, or all closed ones of a finger
+        that may touch at several."""
+        nearest = int(seen.held[f])
+        if self.fingers[f].contacts == 1:
+            return [nearest]
+        closed = (seen.touches.pairs == self.own[f]) & (seen.touches.gaps < self.closed)
+        return [nearest, *(k for k in np.flatnonzero(closed).tolist() if k != nearest)]
 
     def _closing(self, touches: Touches, rows: Ints) -> Reals:
         """The least change (k,) of the object that closes some contacts (r,)."""

@@ -18,15 +18,20 @@ APART = 0.5
 """How far places on the way are from each other at most, in parts of the size."""
 RANK = 1e-6
 """Rates of gaps, in parts of the size, below which a contact adds nothing to others."""
-ROOM = 3.0
-"""Room about start and goal for the way, in parts of the size."""
+ROOM, TURNS = 3.0, 0.5
+"""Room about start and goal for the way, in parts of the size, and for turns, in parts of the way of points
+that are so far from the centre."""
+RAISED, LOOKS = 0.1, 24
+"""How far, in parts of the size, an object is lifted off what it touches before it goes through the air; and
+places on the straight way at which it may not overlap anything."""
 
 
 def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]) -> Reals | None:
     """Places (k, n) of the object on its way from q (n,) to the goal (n,); none where the straight way is
     free, or where it touches something at an end; None where no way was found."""
     if len(ground.turns):
-        return _along_contacts(ground, q, goal, seed, in_time)
+        along = _along_contacts(ground, q, goal, seed, in_time)
+        return along if along is not None else _lifted(ground, q, goal, seed, in_time)
     none = np.zeros((0, len(q)))
 
     ends = np.stack([q, goal])
@@ -59,7 +64,7 @@ def _along_contacts(
     ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]
 ) -> Reals | None:  # fmt: skip
     """See `guide`, in space: the object keeps the contacts that are closed at its start, as one that lies on
-    a floor, among all else; none where it does not keep them at the goal."""
+    a floor, among all else; None where it does not keep them at the goal, or no way was found."""
     none, size = np.zeros((0, len(q))), ground.task.size
     seen = ground.look(q)
     normals = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
@@ -67,7 +72,7 @@ def _along_contacts(
     basis = axes[int((sizes > RANK * size).sum()) :]
     change = ground.off(q, goal)
     if np.linalg.norm(change - change @ basis.T @ basis) > CLEAR * size or not len(basis):
-        return none
+        return None
     others = np.setdiff1d(ground.pairs, seen.touches.pairs[seen.closed])
 
     def place(steps: Reals) -> Reals:
@@ -95,6 +100,57 @@ def _along_contacts(
     if way is None:
         return None
     return _dense(ground, np.array([place(steps) for steps in shortened(way, is_free)]))
+
+
+def _lifted(
+    ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]
+) -> Reals | None:  # fmt: skip
+    """See `guide`, in space: the object leaves what it touches at its start, along the normals, and comes to
+    what it touches at the goal so; none where the straight way overlaps nothing."""
+    size = ground.task.size
+
+    def place(steps: Reals) -> Reals:
+        whole = np.zeros(len(ground.around.owners))
+        whole[ground.columns] = steps / ground.units
+        return ground.around.changed(q, whole)
+
+    straight = [place(part * ground.off(q, goal)) for part in np.linspace(0.0, 1.0, LOOKS)]
+    if min(float(_least(ground, each)) for each in straight) > -ground.closed:
+        return np.zeros((0, len(q)))
+    ends = np.stack([ground.off(q, _raised(ground, end)) for end in (q, goal)])
+    least = min(CLEAR * size, 0.5 * min(_least(ground, place(end)) for end in ends))
+    if least <= 0.0:
+        return None
+
+    def is_free(a: Reals, b: Reals) -> bool:
+        length = math.sqrt(2.0) * float(np.linalg.norm(b - a))
+        return ground.around.is_clear(place(a), place(b), length, least, ground.pairs)
+
+    room = np.where(ground.units == 1.0, ROOM, TURNS) * size
+    way = ends
+    if not is_free(*ends):
+        found = grown(
+            ends[0], ends[1][None], list(range(len(ground.columns))), ends.min(axis=0) - room,
+            ends.max(axis=0) + room, is_free, seed, lambda asked: asked <= CHECKS and in_time(),
+        )  # fmt: skip
+        if found is None:
+            return None
+        way = shortened(found, is_free)
+    return _dense(ground, np.array([q, *(place(steps) for steps in way), goal]))
+
+
+def _raised(ground: Ground, q: Reals) -> Reals:
+    """The place (n,) with the object away from all that it touches at q (n,)."""
+    seen = ground.look(q)
+    normals = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
+    up = np.linalg.lstsq(normals, np.full(len(normals), RAISED * ground.task.size), rcond=RANK)[0]
+    whole = np.zeros(len(ground.around.owners))
+    whole[ground.columns] = up / ground.units
+    return ground.around.changed(q, whole)
+
+
+def _least(ground: Ground, q: Reals) -> float:
+    return float(ground.around.least(q, ground.pairs).min(initial=math.inf))
 
 
 def _dense(ground: Ground, way: Reals) -> Reals:

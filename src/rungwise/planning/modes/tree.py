@@ -16,9 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.balance import carried, could, drags, held_edges, is_led, modes, motion, rests
+from rungwise.planning.modes.balance import (
+    carried,
+    could,
+    drags,
+    finger_edges,
+    held_edges,
+    is_led,
+    modes,
+    motion,
+    rests,
+)
 from rungwise.planning.modes.follow import Way, follow
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.outlines import alike, opposite
 from rungwise.planning.modes.pushed import led_target
 from rungwise.planning.search.problem import LEGS, TREES
 
@@ -210,7 +221,7 @@ def _grasps(
     may = could(ground, seen, mode, want, press)
     parts = _pool(ground, seen, used, rng)
     count = len(ground.columns)
-    edges = ground.edges(seen, parts) if ground.is_free_body and not ground.is_wide else None
+    edges = finger_edges(ground, seen, parts) if ground.is_free_body and not ground.is_wide else None
     if may is None or (edges is not None and not may(edges.reshape(-1, count), False)):
         failed[NO_BALANCE] += not kept
         return
@@ -303,10 +314,11 @@ def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> R
     beside all that come first."""
     drawn = rng.random(PAIRS)
     places = np.array([ground.part(seen, f)[0] if used[f] else 0.0 for f in range(len(used))])
-    found = np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
+    outline = ground.around.outline(ground.body)
+    found = np.concatenate([drawn, opposite(outline, np.concatenate([drawn, places]), ground.task.size)])
     if ground.fingers[0].carrier.by_place or len(used) == 1:
         return found
-    return np.concatenate([found, ground.alike(np.concatenate([places, found[: 2 * PAIRS]]), rng)])
+    return np.concatenate([found, alike(outline, np.concatenate([places, found[: 2 * PAIRS]]), rng)])
 
 
 def _placed(

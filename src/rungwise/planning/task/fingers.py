@@ -128,18 +128,18 @@ def with_fingers(task: Task) -> Task:
 def demand_known(task: Task) -> None:
     """Raises TaskError where a finger is to do what no plan makes it do, and as `fingers_of`."""
     for finger in fingers_of(task):
-        for lacks in _not_known(finger):
+        for lacks in _not_known(task, finger):
             raise TaskError(f"task.fingers: {lacks}")
 
 
-def _not_known(finger: Finger) -> Iterator[str]:
+def _not_known(task: Task, finger: Finger) -> Iterator[str]:
     """What a task asks of a finger that no plan makes it do."""
     if finger.over and finger.lift is None:
         yield (
             f"{finger.name} may pass over objects, off the plane; in space its joints lead it there; leave"
             " over out"
         )
-    if finger.contacts > 1 and finger.is_arm:
+    if finger.contacts > 1 and finger.is_arm and world_of(task.scene).shapes == OUTLINES:
         yield (
             f"{finger.name} may touch objects at {finger.contacts} places, and joints that turn it lead it:"
             " plans place such a finger at one; leave contacts out"
@@ -324,7 +324,7 @@ def _within(task: Task, own: Driven, path: str) -> Reals:
 def _notes(task: Task, finger: Finger, said: _Said, loads: Mapping[str, Load]) -> Iterator[str]:
     """What should be known of a finger before a search: what no plan makes it do, where it can only jam, and
     what it is not given."""
-    yield from _not_known(finger)
+    yield from _not_known(task, finger)
     for name in finger.objects if finger.is_rigid else ():
         load = loads.get(name)
         if load is not None and load.force > 0.0 and load.obstacles:

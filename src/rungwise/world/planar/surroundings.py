@@ -60,7 +60,7 @@ def _seek(
 class PlanarSurroundings:
     """See `Surroundings`. Robots that may be raised are in the plane."""
 
-    dimension = 2
+    dimension, tangents = 2, 1
 
     def __init__(self, scene: Scene, parameters: Mapping[str, float]) -> None:
         here = PlanarPlace(scene, parameters)

@@ -2,8 +2,8 @@
 
 Forces are least squares with coefficients of at least 0 (Lawson and Hanson, Solving Least Squares Problems,
 1974, chapter 23), with an orthonormal basis of the columns in use. Sizes: k coordinates of the object, e
-contacts, f fingers, m edges, d rows of a problem; t tangents of a contact, 1 in the plane and 2 in space, and
-s edges of its cone, 2 or 8.
+contacts, f fingers, m edges, d rows of a problem; t tangents of a contact, 1 in the plane, 2 in space and 3
+with torsion, and s edges of its cone, 2, 8 or 10.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _ROUNDING, _ROUNDS = 1e-11, 3
 
 class Memory(Block):
     """Memory of these kernels, and what they answer. normals (e, k), tangents (e t, k), friction (e,): of the
-    object's contacts, over its units; ring (s, t): the directions of the edges of cones; flat (1,): the
-    number of the coordinate that may not change, and one, else 0; edges (m, k): of forces on it, those of
-    fingers first; share (m,): of each in the force; change (k,): of the object; pushes (n,): of fingers on
-    their own coordinates."""
+    object's contacts, over its units; ring (s, t): the directions of the edges of cones; bound (r, k):
+    directions in which it may not change, of which the first `bounds` (1,) hold; edges (m, k): of forces on
+    it, those of fingers first; share (m,): of each in the force; change (k,): of the object; pushes (n,): of
+    fingers on their own coordinates."""
 
     normals: Reals
     tangents: Reals
@@ -55,7 +55,8 @@ class Memory(Block):
     held: Reals
     axes: Reals
     turned: Reals
-    flat: Ints
+    bound: Reals
+    bounds: Ints
     edges: Reals
     change: Reals
     hoped: Reals
@@ -70,7 +71,10 @@ def ring_of(tangents: int) -> Reals:
     if tangents == 1:
         return np.array([[1.0], [-1.0]])
     angles = np.arange(EDGES) * (2.0 * math.pi / EDGES)
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    slides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    if tangents == 2:
+        return slides
+    return np.vstack([np.pad(slides, ((0, 0), (0, 1))), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
 
 
 def memory_for(
@@ -87,13 +91,14 @@ def memory_for(
         "normals": (contacts, size), "tangents": (tangents * contacts, size), "friction": (contacts,),
         "columns": (edges, rows), "wanted": (rows,), "left": (rows,), "sizes": (edges,), "share": (edges,),
         "trial": (edges,), "lengths": (edges,), "basis": (edges, rows), "factor": (edges, edges),
-        "passive": (edges,), "inside": (edges,), "held": ((1 + tangents) * contacts + 2, size),
+        "passive": (edges,), "inside": (edges,), "held": ((1 + tangents) * contacts + size + 1, size),
         "axes": (size, size),
-        "turned": (size, size), "flat": (1,), "edges": (edges, size), "change": (size,), "hoped": (size,),
+        "turned": (size, size), "bound": (size, size), "bounds": (1,),
+        "edges": (edges, size), "change": (size,), "hoped": (size,),
         "pushes": (coordinates,), "modes": (most, contacts), "motions": (most, size),
     }  # fmt: skip
     kinds = {
-        name: np.int64 if name in ("passive", "inside", "flat", "modes") else np.float64 for name in shapes
+        name: np.int64 if name in ("passive", "inside", "bounds", "modes") else np.float64 for name in shapes
     }
     return Memory(**{name: np.zeros(shape, kinds[name]) for name, shape in shapes.items()}, ring=ring)
 

@@ -81,9 +81,9 @@ def hold(mode: Ints, memory: Memory) -> int:
                 for c in range(normals.shape[1]):
                     memory.held[count, c] = tangents[i * width + t, c]
                 count += 1
-    if memory.flat[0] > 0:
+    for i in range(memory.bounds[0]):
         for c in range(normals.shape[1]):
-            memory.held[count, c] = 1.0 if c == memory.flat[0] - 1 else 0.0
+            memory.held[count, c] = memory.bound[i, c]
         count += 1
     return count
 

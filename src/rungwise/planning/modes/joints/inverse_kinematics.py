@@ -26,6 +26,12 @@ AHEAD, MIDDLE = 0.2, 60
 """How far before a point, in parts of the size, an arm in space is led at first; and places on its last body
 whose mean is its middle."""
 
+BEFORE, FLAT = 0.05, 1e-4
+"""How far before a point, in parts of the size, a flat side is led at first, and how near it comes there."""
+OF_SIDES, ALIKE, NEARLY = 960, 0.999, 0.7
+"""Places on a body among which its flat sides are sought; cosine of the angle up to which places lie on one
+side; and how large, over the largest, others are that objects are held with."""
+
 
 class Reach(NamedTuple):
     """What an arm is to touch: the scene's contact, 1 where the arm is its first body, else -1; the arm's
@@ -83,9 +89,9 @@ def _closed(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
 def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
     """The place (n,) with the middle of an arm's last body before the point that it is to touch, as near as
     its joints bring it."""
-    middle, _ = around.outline(wanted.body)(np.arange(0.5, MIDDLE) / MIDDLE)
-    tip = middle.mean(axis=0)
-    far = float(np.linalg.norm(middle - tip, axis=1).max()) + AHEAD * wanted.size
+    surface, _ = around.outline(wanted.body)(np.arange(0.5, MIDDLE) / MIDDLE)
+    tip = surface.mean(axis=0)
+    far = float(np.linalg.norm(surface - tip, axis=1).max()) + AHEAD * wanted.size
     goal, basis = wanted.point + far * wanted.normal, np.eye(3)
     for _ in range(REACHES):
         centre, turn = frame_of(around.poses(q)[wanted.body])
@@ -105,3 +111,61 @@ def _stepped(arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float) -> 
     step = slope.T @ np.linalg.solve(slope @ slope.T + (DAMPED * size) ** 2 * np.eye(len(wanted)), wanted)
     largest = float(np.abs(step[arm.hinges]).max(initial=0.0))
     return arm.posed(q, np.clip(arm.joints(q) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high))
+
+
+def laid(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
+    """Places (n,) with a flat side of an arm's last body on an object, its middle at a point, in space:
+    damped least squares on the joints, from where they are and from others, until that side faces the object
+    there; then along the normal until it touches."""
+    low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
+    odd = np.arange(len(low)) % 2
+    others = BEGUN if arm.hinges.any() else ()
+    begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in others)]
+    _, turn = frame_of(around.poses(q)[wanted.body])
+    sides = sorted(sides_of(around, wanted.body), key=lambda side: float(turn @ side[1] @ wanted.normal))
+    for side in sides:
+        for joints in begun:
+            found = _faced(around, arm, arm.posed(q, joints), wanted, *side)
+            if found is not None:
+                yield _closed(around, arm, found, wanted)
+
+
+def _faced(
+    around: Surroundings, arm: Chain, q: Reals, wanted: Reach, middle: Reals, normal: Reals
+) -> Reals | None:
+    """The place (n,) with the side of an arm that has this middle (3,) and outward normal (3,) at a point,
+    and facing it; None where its joints do not bring it there."""
+    points = np.array([middle, middle + wanted.size * normal])
+    goal = wanted.point + BEFORE * wanted.size * wanted.normal
+    goals = np.array([goal, goal - wanted.size * wanted.normal])
+    basis, every = np.tile(np.eye(3), (2, 1)), np.repeat(points, 3, axis=0)
+    for _ in range(REACHES):
+        at, turn = frame_of(around.poses(q)[wanted.body])
+        off = (goals - at - points @ turn.T).ravel()
+        if np.abs(off).max() < FLAT * wanted.size:
+            return q
+        slope = around.rows(q, wanted.body, every, basis)[:, 0]
+        before, q = q, _stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size)
+        if np.abs(q - before).max() < STILL:
+            break
+    return None
+
+
+def middle_of(around: Surroundings, body: int) -> Reals:
+    """The middle (3,) of a body's surface, in its frame."""
+    points, _ = around.outline(body)(np.arange(0.5, MIDDLE) / MIDDLE)
+    return np.asarray(points.mean(axis=0))
+
+
+def sides_of(around: Surroundings, body: int) -> list[tuple[Reals, Reals]]:
+    """The largest flat side of a body, and those that are nearly as large: the middle (3,) of each, and its
+    outward normal (3,), in the body's frame."""
+    points, normals = around.outline(body)(np.arange(0.5, OF_SIDES) / OF_SIDES)
+    left, found = np.arange(len(points)), list[tuple[int, Reals, Reals]]()
+    while len(left):
+        alike = left[normals[left] @ normals[left[0]] > ALIKE]
+        own = points[alike]
+        found.append((len(alike), (own.max(axis=0) + own.min(axis=0)) / 2.0, normals[left[0]]))
+        left = np.setdiff1d(left, alike)
+    largest = max(count for count, _, _ in found)
+    return [(middle, normal) for count, middle, normal in found if count >= NEARLY * largest]

@@ -57,8 +57,15 @@ class SpatialSurroundings:
             both = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
             if both in self._pairs:
                 self._geoms[self._pairs[both][0]].append((g, h))
+        self.tangents = 3 if self._has_torsion() else 2
         self._far = 10.0 * float(m.stat.extent)
         self._outlines: dict[int, Outline] = {}
+
+    def _has_torsion(self) -> bool:
+        """Whether some contact resists turns about its normal."""
+        m = self._model
+        dims = [int(max(m.geom_condim[g], m.geom_condim[h])) for own in self._geoms for g, h in own]
+        return max([*dims, *m.pair_dim.tolist()], default=0) > 3
 
     def touches(self, q: Reals, within: float) -> Touches:
         space, m = self._space, self._model
@@ -83,10 +90,12 @@ class SpatialSurroundings:
             least[found[0]] = min(least[found[0]], gap)
             if gap < within:
                 kept.append(c)
-        rows = np.zeros((len(kept), 3, m.nv))
+        rows = np.zeros((len(kept), 1 + self.tangents, m.nv))
         for k, c in enumerate(kept):
-            width, row = min(int(contact.dim[c]), 3), int(contact.efc_address[c])
+            width, row = min(int(contact.dim[c]), 1 + self.tangents), int(contact.efc_address[c])
             rows[k, :width] = jacobian[row : row + width]
+            if width > 3:
+                rows[k, 3] *= self._twists(c)
         normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
         points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
         some = _spread(owners, points, normals)
@@ -120,6 +129,15 @@ class SpatialSurroundings:
         own = laws.rows[laws.law[tuple(contact.geom[c])], 5]
         return float(contact.friction[c, 0] if math.isnan(own) else own)
 
+    def _twists(self, c: int) -> float:
+        """Torsional over sliding friction of a contact, as a length."""
+        contact, laws = self._space.data.contact, self._space.laws
+        row, slides = laws.rows[laws.law[tuple(contact.geom[c])]], self._friction(c)
+        if not slides > 0.0:
+            return 0.0
+        own = contact.friction[c, 2] / contact.friction[c, 0]
+        return float(own if math.isnan(row[6]) else row[6] / slides)
+
     def near(self, q: Reals, pair: int) -> Near:
         m, d = self._model, self._placed(q)
         gap, ends, geoms = math.inf, np.zeros(6), (0, 0)
@@ -141,9 +159,13 @@ class SpatialSurroundings:
         )]  # fmt: skip
         beside = np.array(across(normal))
         rows = np.vstack([normal, beside]) @ (both[0] - both[1])
-        law = float(self._space.laws.rows[self._space.laws.law[geoms[0], geoms[1]], 5])
-        slides = float(m.geom_friction[list(geoms), 0].max())
-        return Near(float(gap), ends[:3].copy(), normal, beside, rows, slides if math.isnan(law) else law)
+        own, sides = self._space.laws.rows[self._space.laws.law[geoms[0], geoms[1]]], list(geoms)
+        slides, turns = m.geom_friction[sides, :2].max(axis=0).tolist()
+        friction = slides if math.isnan(own[5]) else float(own[5])
+        twist = 0.0 if m.geom_condim[sides].max() < 4 or not friction > 0.0 else turns / slides
+        if twist and not math.isnan(own[6]):
+            twist = float(own[6]) / friction
+        return Near(float(gap), ends[:3].copy(), normal, beside, rows, friction, twist)
 
     def _slope(self, d: object, point: Reals, body: int) -> Reals:
         """How velocities move a point (3,) of a body (3, n_v)."""
@@ -184,7 +206,10 @@ class SpatialSurroundings:
         for i, j, k, sign in ((0, 1, 2, -1.0), (1, 2, 0, -1.0), (2, 0, 1, -1.0)):
             crossed[:, i, j], crossed[:, j, i] = sign * arms[:, k], -sign * arms[:, k]
         ways = np.array([(normal, *across(normal)) for normal in normals])
-        return np.asarray(ways @ (slope - crossed @ turning))
+        found = ways @ (slope - crossed @ turning)
+        if self.tangents == 2:
+            return np.asarray(found)
+        return np.concatenate([found, (normals @ turning)[:, None]], axis=1)
 
     def changed(self, q: Reals, change: Reals) -> Reals:
         found = q.copy()
