@@ -124,7 +124,7 @@ class Diagnosis(ByContent):
 
 def table(found: Sequence[Diagnosis]) -> list[str]:
     """Where a plan parts from stage to stage: a row for each diagnosis, with its sentences below it."""
-    lines = [f"{'differs on':29} {'at t':>8}  {'body':8} {'apart':>8}  {'ends':13}  why"]
+    lines = [f"{'differs on':29} {'from t':>8}  {'body':8} {'apart':>8}  {'ends':13}  why"]
     for each in found:
         row = f"{each.after:29} {each.time:8.4g}  {each.body:8} {each.distance:8.3g}  {each.outcome:13}  "
         lines += wrap(row + each.cause, WIDE, subsequent_indent=" " * len(row))
