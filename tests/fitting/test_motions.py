@@ -30,6 +30,8 @@ PLACES = np.zeros((2, 5, 3))
         ({"velocities": PLACES[:, :4]}, "velocities.0: has 4 frames, and places.0 5"),
         ({"units": {"square.x": "mil"}}, "units.square.x: unknown unit 'mil'"),
         ({"units": {"x": "mm"}}, "units: unknown 'x'"),
+        ({"units": {"square.x": "kg"}}, "units.square.x: 'kg' is no unit of a length or an angle"),
+        ({"units": {"time": "mm"}}, "units.time: 'mm' is no unit of a time"),
         ({"deviations": {"square.x": 0.0}}, "deviations.square.x: must be a number greater than 0"),
         ({"parameters": {"mu": [0.1, 0.2, 0.3]}}, r"parameters.mu: must be a number or \(2,\), not \(3,\)"),
         ({"inputs": {"u": np.zeros((2, 4))}}, "inputs.u.0: must be 5 finite numbers, one a frame"),
@@ -55,7 +57,53 @@ def test_names_that_the_scene_does_not_have_are_refused() -> None:
         rw.fit(SCENE, "dynamic-rigid", asked, "mu")
 
 
-def test_units_become_those_of_the_scene() -> None:
+@pytest.mark.parametrize(("length", "time"), [("mm", "s"), ("um", "ms"), ("cm", "us"), ("m", "s")])
+@pytest.mark.parametrize("measured", ["m", "mm", "nm"])
+def test_columns_that_state_a_unit_are_counted_in_the_scenes_units(
+    length: str, time: str, measured: str, tmp_path: Path
+) -> None:
+    """A length of 2, an angle of 30 degrees, a speed of 3 and a slope of 5 degrees, in the scene's units."""
+    si = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+    scene = rw.load(
+        SCENE | {
+            "units": {"length": length, "time": time},
+            "parameters": SCENE["parameters"] | {"slope": {"default": 0, "range": [-20, 20], "unit": "deg"}},
+        }
+    )  # fmt: skip
+    ratio = si[length] / si[measured]
+    places = np.full((1, 5, 2), [2.0 * ratio, 30.0])
+    motions = rw.Motions(
+        NAMES[::2], 1e3 * si[time] * TIMES, places, np.full((1, 5, 1), 3.0 * ratio / si[time]),
+        rates=("square.x",), parameters={"slope": np.deg2rad(5.0), "mu": 0.3},
+        deviations={"square.x": 0.2 * ratio},
+        units={
+            "time": "ms", "square.x": measured, "square.angle": "deg", "speed(square.x)": f"{measured}/s",
+            "slope": "rad", "mu": "1",
+        },
+    )  # fmt: skip
+    motions.save(tmp_path / "with_units.csv")
+    again = rw.Motions.from_csv(tmp_path / "with_units.csv")
+    for one in (motions.counted_in(scene), again.counted_in(scene)):
+        trial = one.trials[0]
+        assert trial.times == pytest.approx(TIMES) and trial.q[0] == pytest.approx([2.0, np.pi / 6])
+        assert trial.v is not None and trial.v[0] == pytest.approx([3.0])
+        assert trial.parameters == pytest.approx({"slope": 5.0, "mu": 0.3})
+    assert motions.counted_in(scene).deviations == pytest.approx({"square.x": 0.2})
+
+
+def test_units_that_are_not_those_of_what_is_measured_are_refused() -> None:
+    for motions, line in (
+        (rw.Motions(NAMES, TIMES, PLACES, units={"square.angle": "mm"}), "units.square.angle: m, and in the"),
+        (
+            rw.Motions(NAMES, TIMES, PLACES, parameters={"e": 1.0}, units={"e": "kg*m/s^2"}),
+            "units.e: m\\*kg/s",
+        ),
+    ):
+        with pytest.raises(rw.MotionError, match=line):
+            rw.fit(SCENE, "dynamic-rigid", motions, "mu")
+
+
+def test_what_states_a_unit_is_counted_in_metres_seconds_and_radians() -> None:
     motions = rw.Motions(
         NAMES, TIMES * 1e3, np.full((1, 5, 3), 90.0),
         units={"time": "ms", "square.x": "mm", "square.angle": "deg"}, deviations={"square.x": 1.0},

@@ -15,7 +15,7 @@ from rungwise.errors import InputError
 from rungwise.fitting.box import Box, box_of
 from rungwise.fitting.measured.errors import MotionError
 from rungwise.fitting.measured.layout import Layout, laid_out
-from rungwise.fitting.measured.motions import Motions, check_parameters
+from rungwise.fitting.measured.motions import Motions, check_names, check_parameters
 from rungwise.fitting.measured.spans import Spans, spans_of
 from rungwise.fitting.predict import Log, Predictor
 from rungwise.models.ladder import Rung
@@ -130,8 +130,10 @@ def prepare(
     wrong = impossible(loaded, within.ends, given)
     if wrong:
         raise InputError(f"box: {wrong}; narrow it, or write one number by another in the scene")
+    check_names(motions, loaded.template.coordinates, world_of(loaded).velocities)
     check_parameters(motions, within.names, loaded.file.parameters, loaded.template.inputs)
-    return Prepared(loaded, rung, motions, within, given, laid_out(loaded, motions), options)
+    counted = motions.counted_in(loaded)
+    return Prepared(loaded, rung, counted, within, given, laid_out(loaded, counted), options)
 
 
 def _digest(motions: Motions) -> str:

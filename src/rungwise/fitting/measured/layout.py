@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.fitting.measured.errors import MotionError
-from rungwise.fitting.measured.motions import Motions, Trial, check_names
+from rungwise.fitting.measured.motions import Motions, Trial
 from rungwise.fitting.measured.smoothing import WINDOW, deviation, smooth
 from rungwise.kernel import Ints, Reals
 from rungwise.world.find import world_of
@@ -69,7 +69,6 @@ def laid_out(scene: Any, motions: Motions) -> Layout:
     """The motions of a scene's coordinates. Raises MotionError where names are not the scene's."""
     world = world_of(scene)
     template, moved = scene.template, world.at().moved
-    check_names(motions, template.coordinates, world.velocities)
     measured = np.array([template.coordinates.index(name) for name in motions.coordinates])
     led = set(world.prescribed)
     turns = np.array([four for four in moved.turns if set(four) <= set(measured)], np.int64).reshape(-1, 4)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,21 +12,18 @@ from numpy.typing import ArrayLike
 
 from rungwise.fitting.measured import tables
 from rungwise.fitting.measured.errors import MotionError
+from rungwise.fitting.measured.units import in_scene, in_si, named, stated
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.fields.values import shown
 from rungwise.wording import choices, listed
 from rungwise.world.arguments import numbers_of
+from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
     import xarray
 
-UNITS = {
-    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180.0, "s": 1.0, "ms": 1e-3,
-    "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": math.pi / 180.0, "1": 1.0,
-}  # fmt: skip
-"""Units that measurements may have, in m, rad and s."""
 FEWEST = 3
 """Fewest frames of a trial: from fewer no velocity follows."""
 
@@ -64,8 +60,8 @@ class Motions:
         deviations: standard deviations of the measurement by name of a coordinate, and of a velocity as
             "speed(part.x)"; of all others the scatter about a local regression is taken. In space that of
             a quaternion is an angle, under the name of its first coordinate.
-        units: units of coordinates, of velocities ("speed(part.x)") and of "time" where they are not m, rad
-            and s; deviations have the same.
+        units: units of coordinates, velocities ("speed(part.x)"), "time", parameters and inputs, by name;
+            deviations have the same. What has none is in the scene's units, and a parameter in its own.
 
     Raises MotionError: wrong shapes, unknown units, times that do not ascend.
     """
@@ -87,7 +83,9 @@ class Motions:
         self.coordinates = _names("coordinates", coordinates)
         self.rates = self.coordinates if rates is None else _names("rates", rates)
         columns = [*self.coordinates, *(f"speed({name})" for name in self.rates)]
-        scales = _scales(units or {}, ["time", *columns])
+        speeds, others = columns[len(self.coordinates) :], [*(parameters or {}), *(inputs or {})]
+        self._stated = stated(units or {}, self.coordinates, speeds, others)
+        scales = {name: in_si(each) for name, each in self._stated.items()}
         n = len(self.coordinates)
         q = _trials("places", places, n)
         v = [None] * len(q) if velocities is None else _trials("velocities", velocities, len(self.rates))
@@ -96,12 +94,38 @@ class Motions:
         every = _times(times, q)
         of_trials = _known(parameters or {}, len(q))
         given = _inputs(inputs or {}, q)
-        self.deviations = _deviations(deviations or {}, columns, scales)
-        factors = [scales[name] for name in columns]
-        self.trials = tuple(
-            _trial(i, every[i] * scales["time"], q[i], v[i], of_trials[i], given[i], factors)
-            for i in range(len(q))
-        )
+        own = _deviations(deviations or {}, columns)
+        self.deviations = {name: x * scales.get(name, 1.0) for name, x in own.items()}
+        raw = [_trial(i, every[i], q[i], v[i], of_trials[i], given[i]) for i in range(len(q))]
+        self.trials = tuple(self._scaled(each, scales) for each in raw)
+
+    def counted_in(self, scene: Any) -> Motions:
+        """The same, with the columns that state a unit in the units of a scene. Raises MotionError."""
+        if not self._stated:
+            return self
+        world, place = world_of(scene), world_of(scene).place(None).dimensions()
+        names = [*scene.template.coordinates, *(f"speed({name})" for name in world.velocities)]
+        powers = {
+            name: (int(each.length), 0, int(each.time))
+            for name, each in zip(names, [*place[0], *place[1]], strict=True)
+        }
+        scales = in_scene(scene, self._stated, powers)
+        found = self.take(range(len(self)))
+        found._stated = {}
+        found.deviations = {name: x * scales.get(name, 1.0) for name, x in self.deviations.items()}
+        found.trials = tuple(self._scaled(each, scales) for each in self.trials)
+        return found
+
+    def _scaled(self, trial: Trial, scales: Mapping[str, float]) -> Trial:
+        """A trial with columns multiplied by what is given for them."""
+        places = [scales.get(name, 1.0) for name in self.coordinates]
+        speeds = [scales.get(f"speed({name})", 1.0) for name in self.rates]
+        return Trial(
+            trial.times * scales.get("time", 1.0), trial.q * places,
+            None if trial.v is None else trial.v * speeds,
+            {name: x * scales.get(name, 1.0) for name, x in trial.parameters.items()},
+            {name: x * scales.get(name, 1.0) for name, x in trial.inputs.items()},
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.trials)
@@ -152,8 +176,10 @@ class Motions:
         first = self.trials[0]
         others = [*first.parameters, *first.inputs]
         rates = [f"speed({name})" for name in self.rates] if first.v is not None else []
+        units = {name: f" [{named(each.powers)}]" for name, each in self._stated.items()}
+        heads = [f"{name}{units.get(name, '')}" for name in ("time", *self.coordinates, *rates, *others)]
         tables.write_csv(
-            Path(file), ["trial", "time", *self.coordinates, *rates, *others],
+            Path(file), ["trial", *heads],
             [_columns(number, trial) for number, trial in enumerate(self.trials)],
         )  # fmt: skip
 
@@ -174,16 +200,6 @@ def _names(field: str, given: Sequence[str]) -> tuple[str, ...]:
     if len(set(given)) < len(given):
         raise MotionError(f"{field}: {next(name for name in given if list(given).count(name) > 1)} is twice")
     return tuple(given)
-
-
-def _scales(units: Mapping[str, str], known: Sequence[str]) -> dict[str, float]:
-    """By what measured values are multiplied."""
-    for name, unit in units.items():
-        if name not in known:
-            raise MotionError(f"units: unknown {shown(name)}{choices(name, known)}")
-        if unit not in UNITS:
-            raise MotionError(f"units.{name}: unknown unit {shown(unit)}{choices(unit, UNITS)}")
-    return {name: UNITS[units.get(name, "1")] for name in known}
 
 
 def _trials(field: str, given: Any, columns: int) -> list[Any]:
@@ -249,29 +265,24 @@ def _inputs(given: Mapping[str, Any], q: Sequence[Reals]) -> list[dict[str, Real
     return found
 
 
-def _deviations(
-    given: Mapping[str, float], known: Sequence[str], scales: Mapping[str, float]
-) -> dict[str, float]:
-    found = {}
+def _deviations(given: Mapping[str, float], known: Sequence[str]) -> dict[str, float]:
+    """Deviations by name."""
     for name, value in given.items():
         if name not in known:
             raise MotionError(f"deviations: unknown {shown(name)}{choices(name, known)}")
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not value > 0.0:
             raise MotionError(f"deviations.{name}: must be a number greater than 0, not {shown(value)}")
-        found[name] = float(value) * scales[name]
-    return found
+    return {name: float(value) for name, value in given.items()}
 
 
 def _trial(
-    number: int, times: Reals, q: Reals, v: Reals | None, known: dict[str, float], inputs: dict[str, Reals],
-    scales: Sequence[float],
+    number: int, times: Reals, q: Reals, v: Reals | None, known: dict[str, float], inputs: dict[str, Reals]
 ) -> Trial:  # fmt: skip
     if v is not None and len(v) != len(q):
         raise MotionError(f"velocities.{number}: has {len(v)} frames, and places.{number} {len(q)}")
-    n = q.shape[1]
     if not np.isfinite(q).any(axis=0).all():
         raise MotionError(f"places.{number}: a column has no number; leave out what was not measured")
-    return Trial(times, q * scales[:n], None if v is None else v * scales[n:], known, inputs)
+    return Trial(times, q, v, known, inputs)
 
 
 def check_names(motions: Motions, coordinates: Sequence[str], velocities: Sequence[str]) -> None:
