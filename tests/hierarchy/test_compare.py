@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 
 import rungwise as rw
 from rungwise.hierarchy import stages
-from rungwise.hierarchy.along_paths import exponent
+from rungwise.hierarchy.along_paths import FLOOR, Distances, exponent
 from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
 from rungwise.hierarchy.motions import Bench
@@ -233,9 +233,9 @@ def test_scenes_that_have_little() -> None:
 
 def test_fits_say_why_they_have_no_order() -> None:
     def walked(distances: list[float], floors: list[float]) -> Fit:
-        kept = np.array(distances) > np.array(floors)
-        order, error = exponent(np.array(LIGHT.values)[kept], np.array(distances)[kept])
-        return Fit(LIGHT, tuple(distances), tuple(floors), order, error, 1.0, 0, ())
+        error = np.array(floors) / FLOOR
+        known = Distances(np.zeros((len(error), 1, 1, 1)), np.array(distances), error, error)
+        return Fit(LIGHT, known, *known.order(LIGHT.values), 1.0, 0)
 
     sudden = walked([1e-3, 1e-9, 1e-9, 1e-9, 1e-9], [1e-8] * 5)
     assert sudden.verdict == TENDS and "4 of 5 distances are below 10 times their error" in sudden.why

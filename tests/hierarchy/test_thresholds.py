@@ -10,7 +10,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.hierarchy import limits
-from rungwise.hierarchy.along_paths import Distances
+from rungwise.hierarchy.along_paths import FLOOR, Distances
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, UNDECIDED, Fit
 from rungwise.hierarchy.motions import Motions
 from rungwise.hierarchy.paths import STIFFNESS, Path
@@ -24,7 +24,10 @@ TIMEOUT = int(Code.TIMEOUT)
 def fit(distances: tuple[float, ...], floor: float, order: float = 1.0, error: float = 0.0) -> Fit:
     count = len(distances)
     path: Any = SimpleNamespace(name="k", words="k grows", values=tuple(10.0**k for k in range(count)))
-    return Fit(path, distances, (floor,) * count, order, error, 1.0, 0, (1e-6,) * count)
+    known = Distances(
+        np.zeros((count, 1, 1, 1)), np.array(distances), np.full(count, floor / FLOOR), np.full(count, 1e-6)
+    )
+    return Fit(path, known, order, error, 1.0, 0)
 
 
 @pytest.mark.parametrize(

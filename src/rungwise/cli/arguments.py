@@ -107,6 +107,8 @@ ForceOption = Annotated[
     bool, typer.Option("--force", help="Overwrite the file or folder of --out if it exists.")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue from the batches kept in --out.")]
+TimeOption = Annotated[float | None, numeric("--time", "End of the run; the scene's own if not given.")]
+TolOption = Annotated[float | None, numeric("--tol", "Error allowed per step: step lengths are chosen.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")]
 
 

@@ -14,6 +14,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.inputs import Segment
+from rungwise.simulation.options import RunOptions
 from rungwise.simulation.state import State
 from rungwise.world.contract import Places, Ran, Runs
 from rungwise.world.find import world_of
@@ -56,8 +57,8 @@ class Copies:
     """Copies of one scene on one rung; it holds no state of them: `Standing` does.
 
     hold: seconds of one advance; ramp: whether inputs go to their values linearly; span: seconds of a whole
-    run; step, tol, theta, threads: as of `Simulation` and `rollout`; nominal: parameters at which scales are
-    taken.
+    run; steps: step, tol and theta of the runs; threads: as of `rollout`; nominal: parameters at which scales
+    are taken.
     """
 
     scene: Any
@@ -66,9 +67,7 @@ class Copies:
     hold: float
     span: float
     ramp: bool = False
-    step: float | None = None
-    tol: float | None = None
-    theta: float = 1.0
+    steps: RunOptions = field(default_factory=RunOptions)
     threads: int | None = None
     _runs: Runs = field(init=False, repr=False)
     _questions: dict[str, Question] = field(init=False, repr=False, default_factory=dict)
@@ -76,14 +75,14 @@ class Copies:
     def __post_init__(self) -> None:
         template = self.scene.template
         self._runs = world_of(self.scene).runs(
-            self.model, template.parameters, None, until=(None,), ramps=(self.ramp,), step=self.step,
-            tol=self.tol, theta=self.theta, span=self.span, threads=self.threads,
+            self.model, template.parameters, None, until=(None,), ramps=(self.ramp,), step=self.steps.step,
+            tol=self.steps.tol, theta=self.steps.theta, span=self.span, threads=self.threads,
         )  # fmt: skip
         self._inputs = [template.parameters.index(name) for name in template.inputs]
 
     def __reduce__(self) -> tuple[object, ...]:
-        given = (self.scene, self.model, self.nominal, self.hold, self.span, self.ramp, self.step, self.tol)
-        return Copies, (*given, self.theta, self.threads)
+        given = (self.scene, self.model, self.nominal, self.hold, self.span, self.ramp, self.steps)
+        return Copies, (*given, self.threads)
 
     def travel(self, parameters: Mapping[str, float]) -> Reals:
         """Least and greatest places (2, n_q) of coordinates, infinite where there are none, and -1 and 1 of

@@ -39,9 +39,7 @@ class Begun:
 def copies_of(settings: Settings) -> Copies:
     """Copies of the settings' scene."""
     s = settings
-    return Copies(
-        s.scene, s.model, s.parameters, s.hold, s.horizon, s.ramp, s.step, s.tol, s.theta, s.threads
-    )
+    return Copies(s.scene, s.model, s.parameters, s.hold, s.horizon, s.ramp, s.steps, s.threads)
 
 
 class Episodes:
@@ -226,8 +224,8 @@ class Episodes:
         if not inputs:
             raise GymError("replay: nothing has moved yet; call step first")
         run: AnyRun = simulate(
-            s.scene, s.model, parameters=begun.parameters, state=begun.state, inputs=inputs, step=s.step,
-            tol=s.tol, theta=s.theta, span=s.horizon,
+            s.scene, s.model, parameters=begun.parameters, state=begun.state, inputs=inputs,
+            step=s.steps.step, tol=s.steps.tol, theta=s.steps.theta, span=s.horizon,
         )  # fmt: skip
         return run
 

@@ -87,7 +87,7 @@ class Options(TypedDict, total=False):
 @dataclass(frozen=True)
 class Settings:
     """Checked options: low, high, rate (u,) of the inputs; an episode has at most `holds` actions, each held
-    for `hold` seconds."""
+    for `hold` seconds. `steps`: the options of the runs: step, tol and theta."""
 
     scene: AnyScene
     model: Rung
@@ -104,9 +104,7 @@ class Settings:
     bonus: float
     scaled: bool
     dtype: type[np.floating[Any]]
-    step: float | None
-    tol: float | None
-    theta: float
+    steps: RunOptions
     threads: int | None
 
     @property
@@ -152,7 +150,7 @@ def read_settings(
         reward=_reward(given.get("reward", "progress")),
         bonus=finite("bonus", given.get("bonus", 1.0), GymError),
         scaled=_truth("scaled", given.get("scaled", True)), dtype=_dtype(given.get("dtype", "float32")),
-        step=steps.step, tol=steps.tol, theta=steps.theta, threads=given.get("threads"),
+        steps=steps, threads=given.get("threads"),
     )  # fmt: skip
 
 

@@ -68,6 +68,10 @@ class Distances(NamedTuple):
         return bool(((self.found > ROUNDING) & (self.found <= self.floors)).any())
 
 
+NOWHERE = Distances(np.zeros((0, 0, 0, 1)), np.zeros(0), np.zeros(0), np.zeros(0))
+"""What is known of a path that leads nowhere."""
+
+
 @dataclass(frozen=True)
 class Walk:
     """A path from one model to another, under one sample's inputs (1, k), until a time (1,)."""

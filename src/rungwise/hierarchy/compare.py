@@ -193,13 +193,13 @@ def _counterexamples(
         if each.verdict in (STAYS, INDEPENDENT):
             path, drive, bounce = each.path, inputs[each.sample], bench.matched.bouncing(each.path.bounce)
             last = max(k for k, distance in enumerate(each.distances) if distance == distance)
-            at, tol = each.values[last], each.tols[last]
+            at, tol = each.values[last], float(each.known.tols[last])
             factors = path.factors(at) | bounce
             shown.append(
                 Counterexample(
                     f"{name}, Definition 2: {path.words}, at {path.name} = {at:g}",
-                    side(bench, path.rung(pair.richer, at), drive, each.until, factors, tol, each.step),
-                    side(bench, pair.simpler, drive, each.until, bounce, tol, each.step),
+                    side(bench, path.rung(pair.richer, at), drive, each.until, factors, tol, each.known.step),
+                    side(bench, pair.simpler, drive, each.until, bounce, tol, each.known.step),
                     each.distances[last], True, levers(bench), bench.matched.bare,
                 )
             )  # fmt: skip

@@ -155,7 +155,7 @@ class Measured(ByContent):
                         "path": fit.path.words, "parameter": fit.path.name, "values": list(fit.values),
                         "distances": list(fit.distances), "floors": list(fit.floors), "order": fit.order,
                         "standard_error": fit.error, "verdict": fit.verdict, "why": fit.why,
-                        "until": fit.until, "sample": fit.sample, "equal_steps": fit.step is not None,
+                        "until": fit.until, "sample": fit.sample, "equal_steps": fit.known.step is not None,
                     }
                     for fit in self.fits
                 ],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rungwise.hierarchy.along_paths import FLOOR, LEVELS, Walk
+from rungwise.hierarchy.along_paths import FLOOR, LEVELS, NOWHERE, Distances, Walk
 from rungwise.hierarchy.motions import Bench, Motions, apart
 from rungwise.hierarchy.paths import Path
 from rungwise.kernel import Reals
@@ -35,20 +35,15 @@ TENDS, STAYS, INDEPENDENT, SAME, UNDECIDED = (
 
 @dataclass(frozen=True)
 class Fit:
-    """What was found along a path: distances at its values, nan where a run said nothing, until a time, under
-    a sample's inputs, at errors per step or with equal steps; the order, as the exponent of the small number,
-    with its standard error; `floors`: below those, ten times their errors, distances say nothing;
-    `budget`: most steps of a run."""
+    """What was found along a path: distances at its values, until a time, under a sample's inputs; the order,
+    as the exponent of the small number, with its standard error; `budget`: most steps of a run."""
 
     path: Path
-    distances: tuple[float, ...]
-    floors: tuple[float, ...]
+    known: Distances
     order: float
     error: float
     until: float
     sample: int
-    tols: tuple[float, ...]
-    step: float | None = None
     short: str = ""
     budget: int = 0
 
@@ -56,6 +51,16 @@ class Fit:
     def values(self) -> tuple[float, ...]:
         """The values of the path's parameter."""
         return self.path.values
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Distances at the values, nan where a run said nothing."""
+        return tuple(self.known.found.tolist())
+
+    @property
+    def floors(self) -> tuple[float, ...]:
+        """What distances must be above to say something."""
+        return tuple(self.known.floors.tolist())
 
     @property
     def verdict(self) -> str:
@@ -104,7 +109,7 @@ class Fit:
         )
         known = [d for d in self.distances if d == d]
         ends = f"{known[0]:.1e} to {known[-1]:.1e}" if known else "no runs"
-        steps = "" if self.step is None else ", equal steps"
+        steps = "" if self.known.step is None else ", equal steps"
         return f"{self.path.words}{order}; {self.verdict} ({ends}{steps})" + (
             f": {self.why}" if self.why else ""
         )
@@ -134,7 +139,7 @@ def fit(
     if end[0] < SHORT * bench.duration:
         short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
     if short:
-        return Fit(path, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
+        return Fit(path, NOWHERE, math.nan, math.nan, float(end[0]), sample, short)
     known = walk.distances()
     order, error = known.order(path.values)
     if known.hidden or error > SCATTER:
@@ -144,10 +149,7 @@ def fit(
             falls = other.found[-1] + other.floors[-1] < LEAST * other.found[0]
             if (_tends(*new) or falls) and not new[1] >= error:
                 known, (order, error) = other, new
-    return Fit(
-        path, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
-        float(end[0]), sample, tuple(known.tols.tolist()), known.step, "", bench.budget,
-    )  # fmt: skip
+    return Fit(path, known, order, error, float(end[0]), sample, budget=bench.budget)
 
 
 def first(a: Motions, b: Motions, until: Reals) -> Reals:

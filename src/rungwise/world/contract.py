@@ -6,6 +6,7 @@ s segments. Lengths, times and forces are in the scene's units, angles in radian
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -57,11 +58,10 @@ class Places(NamedTuple):
         return Places(self.q[rows], self.v[rows], self.time[rows], self.memory[rows], self.goes_on[rows])
 
 
-class Ran(NamedTuple):
+@dataclass(frozen=True, repr=False, eq=False)
+class Ended:
     """How m runs ended: outcomes (codes, see `rungwise.outcome.Code`), margins (as of `Results`), times,
-    steps, attempts at steps, solved problems, segments that ended, worst scaled residuals, work of drives
-    since they began (all (m,)); where; why a run did not begin, by its number; and `at`, which gives the
-    places of some rows at the end of a segment, where these were kept."""
+    steps, attempts at steps, solved problems, segments that ended (all (m,))."""
 
     outcome: Ints
     margin: Reals
@@ -70,6 +70,14 @@ class Ran(NamedTuple):
     attempts: Ints
     solves: Ints
     switches: Ints
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Ran(Ended):
+    """How m runs ended, with worst scaled residuals and work of drives since they began (m,); where; why a
+    run did not begin, by its number; and `at`, which gives the places of some rows at the end of a segment,
+    where these were kept."""
+
     residual: Reals
     work: Reals
     places: Places

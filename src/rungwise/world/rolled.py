@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -25,19 +25,20 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
+from rungwise.world.contract import Ended
 
 OVER = "limit: the time was over before the run came to its end"
 """Why a run of a rollout ended as `running`."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Rolled(ByContent):
+class Rolled(ByContent, Ended):
     """m runs of s segments on a rung, `model`, of a scene of n_q coordinates and n_v velocities.
 
     outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
-    steps, attempts at them, solves (problems solved) and worst_residual (m,), switches (m,): how many
-    segments ended; final (m, n_q), speed (m, n_v) at the end. `faults` maps samples with wrong values to a
-    line that names the value; they are `invalid`.
+    steps, attempts at them, solves (problems solved), switches (m,): how many segments ended, as of `Ended`;
+    worst_residual (m,); final (m, n_q), speed (m, n_v) at the end. `faults` maps samples with wrong values to
+    a line that names the value; they are `invalid`.
 
     With `keep`, also the states in which segments ended; the end of a run stands in the column of the segment
     in which it ended, and later columns are nan: see `times`, `q`, `v`, `work`, `state`. `memory` is what
@@ -46,13 +47,6 @@ class Rolled(ByContent):
 
     scene: AnyScene
     model: Rung
-    outcome: Ints
-    margin: Reals
-    time: Reals
-    steps: Ints
-    attempts: Ints
-    solves: Ints
-    switches: Ints
     worst_residual: Reals
     final: Reals
     speed: Reals

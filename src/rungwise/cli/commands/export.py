@@ -40,8 +40,8 @@ def export(
     ] = None,
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
-    duration: Annotated[float | None, arg.numeric("--time", "End of the run.")] = None,
-    tol: Annotated[float | None, arg.numeric("--tol", "Error allowed per step of the run.")] = None,
+    duration: arg.TimeOption = None,
+    tol: arg.TolOption = None,
     rate: Annotated[
         float | None,
         arg.numeric("--rate", "Rows in a unit of time; the recorded frames if not given."),

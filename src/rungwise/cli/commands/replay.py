@@ -11,6 +11,8 @@ from rungwise.cli.arguments import (
     JsonOption,
     LimitOption,
     SetOption,
+    TimeOption,
+    TolOption,
     load_plan_file,
     load_scene,
     numeric,
@@ -42,8 +44,8 @@ def replay(
         rung("Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given."),
     ] = None,
     values: SetOption = None,
-    duration: Annotated[float | None, numeric("--time", "End of the run.")] = None,
-    tol: Annotated[float | None, numeric("--tol", "Error allowed per step of the run.")] = None,
+    duration: TimeOption = None,
+    tol: TolOption = None,
     step: Annotated[
         float | None, numeric("--step", "The judge's step; the model's own if not given.")
     ] = None,

@@ -24,12 +24,8 @@ def sim(
     step: Annotated[
         float | None, arg.numeric("--step", "Length of a step; the scene's own if not given.")
     ] = None,
-    tol: Annotated[
-        float | None, arg.numeric("--tol", "Error allowed per step: step lengths are chosen.")
-    ] = None,
-    duration: Annotated[
-        float | None, arg.numeric("--time", "End of the run; the scene's own if not given.")
-    ] = None,
+    tol: arg.TolOption = None,
+    duration: arg.TimeOption = None,
     theta: Annotated[
         float, arg.numeric("--theta", "Theta rule on the dynamic-compliant rung, 0.5 to 1.")
     ] = 1.0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,7 +30,7 @@ from rungwise.simulation.moving.processes import (
 from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
 from rungwise.simulation.workers import BUDGET, threads_of
-from rungwise.world.contract import Places, Ran, Told
+from rungwise.world.contract import Ended, Places, Ran, Told
 from rungwise.world.find import world_of
 
 WAITS = 300
@@ -75,10 +76,9 @@ def sampled(
 
 
 def columns(found: list[Sampled]) -> dict[str, Any]:
-    """What `Ran` and `Rolled` have in common, of runs that ended so."""
-    whole = ("outcome", "steps", "attempts", "solves", "switches")
-    counted = {name: np.array([getattr(each, name) for each in found], np.int64) for name in whole}
-    return counted | {name: np.array([getattr(each, name) for each in found]) for name in ("margin", "time")}
+    """The fields of `Ended`, of runs that ended so."""
+    real = {each.name: np.array([getattr(run, each.name) for run in found]) for each in fields(Ended)}
+    return {name: x if name in ("margin", "time") else x.astype(np.int64) for name, x in real.items()}
 
 
 class MovingRuns:

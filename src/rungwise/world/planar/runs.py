@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
 from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
-from rungwise.world.contract import Places, Ran, Told
+from rungwise.world.contract import Ended, Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 from rungwise.world.planar.surroundings import PlanarSurroundings
 from rungwise.world.run import finished
@@ -32,9 +33,8 @@ one."""
 
 
 def columns(found: RecordArray) -> dict[str, Any]:
-    """What `Ran` and `Rolled` have in common, from results of samples."""
-    names = ("outcome", "margin", "time", "steps", "attempts", "solves", "switches")
-    return {name: found[name].copy() for name in names}
+    """The fields of `Ended`, from results of samples."""
+    return {each.name: found[each.name].copy() for each in fields(Ended)}
 
 
 def proved(
@@ -133,7 +133,7 @@ class PlanarRuns:
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
         """See `Runs.begin`."""
         found = self.run(points, places, np.zeros((1, 1)), keeps=True)
-        return found._replace(places=found.places._replace(goes_on=np.zeros(len(points), bool)))
+        return replace(found, places=found.places._replace(goes_on=np.zeros(len(points), bool)))
 
     def placed(self, state: State, parameters: Mapping[str, float]) -> tuple[Places, Code]:
         """See `Runs.placed`."""
