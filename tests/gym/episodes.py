@@ -29,7 +29,7 @@ def check_uninterrupted(env: SceneEnv, scene: str, model: str) -> None:
     """That the state of an episode is that of the run with its inputs, which no holds interrupt."""
     s = env.settings
     whole = rw.simulate(
-        scene, model, parameters=env.parameters, inputs=env.schedule, step=s.steps.step, tol=s.steps.tol, theta=s.steps.theta,
-        span=s.horizon,
+        scene, model, parameters=env.parameters, inputs=env.schedule, step=s.steps.step,
+        tol=s.steps.tol, theta=s.steps.theta, span=s.horizon,
     )  # fmt: skip
     assert same(whole.state, env.state) and same(env.replay().state, env.state)

@@ -21,13 +21,13 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
 from rungwise.world.parts import Exported
+from rungwise.world.rolled import Ended, Rolled
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
     from rungwise.world.matching import Matched
-    from rungwise.world.rolled import Rolled
 
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 """Roles of bodies."""
@@ -56,20 +56,6 @@ class Places(NamedTuple):
     def take(self, rows: Ints) -> Places:
         """Copies of these rows."""
         return Places(self.q[rows], self.v[rows], self.time[rows], self.memory[rows], self.goes_on[rows])
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Ended:
-    """How m runs ended: outcomes (codes, see `rungwise.outcome.Code`), margins (as of `Results`), times,
-    steps, attempts at steps, solved problems, segments that ended (all (m,))."""
-
-    outcome: Ints
-    margin: Reals
-    time: Reals
-    steps: Ints
-    attempts: Ints
-    solves: Ints
-    switches: Ints
 
 
 @dataclass(frozen=True, repr=False, eq=False)

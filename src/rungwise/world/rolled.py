@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -25,10 +25,23 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
-from rungwise.world.contract import Ended
 
 OVER = "limit: the time was over before the run came to its end"
 """Why a run of a rollout ended as `running`."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Ended:
+    """How m runs ended: outcomes (codes, see `rungwise.outcome.Code`), margins (as of `Results`), times,
+    steps, attempts at steps, solved problems, segments that ended (all (m,))."""
+
+    outcome: Ints
+    margin: Reals
+    time: Reals
+    steps: Ints
+    attempts: Ints
+    solves: Ints
+    switches: Ints
 
 
 @dataclass(frozen=True, repr=False, eq=False)

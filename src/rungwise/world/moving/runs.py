@@ -30,8 +30,9 @@ from rungwise.simulation.moving.processes import (
 from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
 from rungwise.simulation.workers import BUDGET, threads_of
-from rungwise.world.contract import Ended, Places, Ran, Told
+from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.find import world_of
+from rungwise.world.rolled import Ended
 
 WAITS = 300
 """Steps for which a search waits."""

@@ -22,9 +22,10 @@ from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
 from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
-from rungwise.world.contract import Ended, Places, Ran, Told
+from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 from rungwise.world.planar.surroundings import PlanarSurroundings
+from rungwise.world.rolled import Ended
 from rungwise.world.run import finished
 
 LONGEST, SHORT = 1000, 1e-1
