@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -328,6 +328,23 @@ def test_units_do_not_matter(in_units: Callable[..., ContactProblem]) -> None:
         first, second = solve(p), solve(q)
         assert second.status == SOLVED
         np.testing.assert_allclose(second.v * scale / 1e-2, first.v, atol=1e-6 * np.abs(first.v).max())
+
+
+@pytest.mark.parametrize("d", [2, 3, 4])
+@pytest.mark.parametrize("lever", [1e-19, 1e-17, 1e-14, 1e-10])
+def test_a_contact_whose_normal_meets_the_axis_of_a_hinge_measures_nothing(
+    run: Callable[..., tuple[int, Any]], d: int, lever: float
+) -> None:
+    # A hinge, driven by a servo, with a contact that is open: its normal passes the axis at this distance.
+    p = allocate_problem(1, 1, 1, d)
+    p.H[:], p.S[:], p.R_s[:], p.w_s[:], p.F[:] = 1e-3, 1.0, 0.06, -0.1, np.inf
+    p.W[1], p.w[0], p.mu[:] = 0.03, 0.5, 0.8
+    sizes, still = Sizes(1, 1, 1), Unknowns(np.zeros(2, np.int64), np.zeros(1), np.zeros(d), np.zeros(1))
+    p.W[0] = lever
+    measures = (residual,) if d == 2 else (residual, residual_in_space)
+    assert all(measure(p, sizes, still) > 0.1 for measure in measures)
+    v = run("planar", p)[1].v if d == 2 else solve(p).v
+    assert v == pytest.approx(0.1 / (1.0 + 0.06e-3), rel=1e-6)
 
 
 @pytest.mark.parametrize("d", [3, 4])

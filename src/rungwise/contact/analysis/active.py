@@ -102,8 +102,10 @@ def scales(p: ContactProblem, v: Array, force: Array, tau: Array) -> tuple[Array
     unit = float(max(np.abs(force).max(initial=0.0), np.abs(tau).max(initial=0.0)))
     push = yields * unit
     scale = np.where(scale < ROUNDING * push, REST * push, scale)
-    light = yields > 0.0
-    unit = max(unit, float((FLOOR * scale[light] / yields[light]).max(initial=0.0)))
+    contacts = yields[: len(p.W)].reshape(-1, d).max(axis=1, initial=0.0)
+    most = np.concatenate([np.repeat(contacts, d), yields[len(p.W) :]])
+    light = most > 0.0
+    unit = max(unit, float((FLOOR * scale[light] / most[light]).max(initial=0.0)))
     return rows @ v + yielded + offset, scale, unit
 
 

@@ -42,8 +42,9 @@ def residual_where(problem: ContactProblem, sizes: Sizes, touched: Touched, unkn
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
         velocity = max(velocity, _rest(at_rest, p, rows[r], coordinate[first[g] : first[g + 1]], largest))
     for g in range(contacts + limited):
-        rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
-        largest = _at_least(FLOOR * velocity, p, rows[r], coordinate[first[g] : first[g + 1]], largest)
+        rows, r, count = (p.W, g * d, d) if g < contacts else (p.S, g - contacts, 1)
+        own = coordinate[first[g] : first[g + 1]]
+        largest = _at_least(FLOOR * velocity, p, rows[r : r + count], own, largest)
     found = np.empty((3, n))
     worst = _balance(p, sizes, touched, unknowns, largest, found)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
@@ -108,12 +109,14 @@ def _rest(velocity: float, p: ContactProblem, row: Reals, touched: Ints, force: 
 
 
 @kernel
-def _at_least(speed: float, p: ContactProblem, row: Reals, touched: Ints, force: float) -> float:
+def _at_least(speed: float, p: ContactProblem, rows: Reals, touched: Ints, force: float) -> float:
     yields = 0.0
     for j in touched:
-        if row[j] * row[j] * force > speed * p.H[j, j]:
-            return force
-        yields = max(yields, row[j] * row[j] / p.H[j, j])
+        for i in range(len(rows)):
+            square = rows[i, j] * rows[i, j]
+            if square * force > speed * p.H[j, j]:
+                return force
+            yields = max(yields, square / p.H[j, j])
     return max(force, speed / yields) if yields > 0.0 else force
 
 

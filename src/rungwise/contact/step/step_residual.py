@@ -5,8 +5,9 @@ where coordinates of different units meet: each balance row against its own term
 the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
 rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
 lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
-lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U, so
-that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
+lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U along
+the direction that yields most, so that forces of rounding size count as none (a normal that meets the axis of
+a hinge yields by rounding alone); and where U is only rounding beside the change of speed that L
 causes, it is `REST` of that change, so that things may rest. Joints hold exactly: their rates are measured
 against U as it was.
 """
@@ -48,9 +49,9 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
     for r in range(limited):
         velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     for k in range(contacts):
-        largest = _at_least(FLOOR * velocity, p, p.W, k * d, n, largest)
+        largest = _at_least(FLOOR * velocity, p, p.W, k * d, d, n, largest)
     for r in range(limited):
-        largest = _at_least(FLOOR * velocity, p, p.S, r, n, largest)
+        largest = _at_least(FLOOR * velocity, p, p.S, r, 1, n, largest)
     worst = _balance(p, sizes, unknowns, largest)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
@@ -78,14 +79,18 @@ def worse(a: float, b: float) -> float:
 
 
 @kernel
-def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
-    """`force`, or roughly the force that changes the rate of row r by `speed`, if this is more."""
+def _at_least(
+    speed: float, p: ContactProblem, rows: Reals, r: int, count: int, n: int, force: float
+) -> float:  # fmt: skip
+    """`force`, or roughly the force that changes the rate of one of the rows from r on by `speed`, if this is
+    more."""
     yields = 0.0
     for i in range(n):
-        # Most forces are larger by far: no division then.
-        if rows[r, i] * rows[r, i] * force > speed * p.H[i, i]:
-            return force
-        yields = max(yields, rows[r, i] * rows[r, i] / p.H[i, i])
+        for k in range(r, r + count):
+            # Most forces are larger by far: no division then.
+            if rows[k, i] * rows[k, i] * force > speed * p.H[i, i]:
+                return force
+            yields = max(yields, rows[k, i] * rows[k, i] / p.H[i, i])
     return max(force, speed / yields) if yields > 0.0 else force
 
 

@@ -149,10 +149,10 @@ def joints_of(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def targets(bound: SpaceBound, joints: list[int]) -> Reals:
-    """Where the servos of joints lead them (k,) at the controls told now, in the end; nan for a joint that
-    not one servo of its own leads, or one whose control is a speed."""
+    """Where the servos of joints lead them (k,) at the controls told now, in the end, as if no range bounded
+    these; nan for a joint that not one servo of its own leads, or one whose control is a speed."""
     m, own = bound.model, drives(bound.model)
-    wish = own.constant(own.control(bound.control))[own.servos]
+    wish = own.constant(bound.control)[own.servos]
     wish[m.actuator_dyntype[own.servos] == INTEGRATOR] = np.nan
     found = np.full(len(joints), np.nan)
     for k, joint in enumerate(joints):

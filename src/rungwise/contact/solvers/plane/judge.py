@@ -77,10 +77,11 @@ def _at_least(speed: float, part: Part, g: int, force: float) -> float:
     """`force`, or roughly the force that changes the rate of group g by `speed`, if this is more."""
     yields = 0.0
     for e in range(part.first[g], part.first[g + 1]):
-        own, square = part.diagonal[part.column[e]], part.normal[e] * part.normal[e]
-        if square * force > speed * own:
-            return force
-        yields = max(yields, square / own)
+        own = part.diagonal[part.column[e]]
+        for square in (part.normal[e] * part.normal[e], part.tangential[e] * part.tangential[e]):
+            if square * force > speed * own:
+                return force
+            yields = max(yields, square / own)
     return max(force, speed / yields) if yields > 0.0 else force
 
 

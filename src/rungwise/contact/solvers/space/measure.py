@@ -55,11 +55,13 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
         speed, largest = max(speed, abs(groups.w[r])), max(largest, abs(x[r]))
     for g in range(first, last):
         row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
-        peak = 0.0
-        for entry in groups.W[at : at + groups.column[g + 1] - begin]:
+        peak, most, wide = 0.0, 0.0, groups.column[g + 1] - begin
+        for entry in groups.W[at : at + wide]:
             peak = max(peak, entry * entry)
-        if peak > 0.0:
-            rest, floor = max(rest, peak), min(floor, peak)
+        for entry in groups.W[at : at + wide * (end - row)]:
+            most = max(most, entry * entry)
+        if most > 0.0:
+            rest, floor = max(rest, peak), min(floor, most)
         for i in range(row, end):
             bend = 0.0
             for j in range(row, end):
