@@ -20,7 +20,14 @@ from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
-from rungwise.simulation.planar.state.held_since import DATINGS, REACHED, clear_times, lasts, set_ways
+from rungwise.simulation.planar.state.held_since import (
+    DATINGS,
+    REACHED,
+    clear_times,
+    is_over,
+    lasts,
+    set_ways,
+)
 from rungwise.simulation.planar.state.inputs import (
     Inputs,
     is_guarded,
@@ -281,7 +288,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             stalls = refused and h * max(moving, _fastest(records, rung, workspace)) < nowhere
             clock.stalled = clock.stalled + 1 if stalls else 0
             clock.next = control[0].step if past else following
-            if cut and following >= h and stop - clock.time <= REACHED * h:
+            if cut and following >= h and is_over(stop, clock.time, h):
                 clock.next = max(clock.next, planned)
             if stalls:
                 clock.next = min(clock.next, 2.0 * h)

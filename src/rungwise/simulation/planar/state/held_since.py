@@ -12,6 +12,8 @@ from rungwise.system.planar.place import coordinate_count
 
 REACHED = 1e-9
 """Part of a step that is rounding between its end and a switch, or the end of a time to hold for."""
+ULPS = 1e-15
+"""Part of a time that is rounding of it: steps that are no longer do not lead on."""
 HALVES = 60
 """Halvings of a step with which the time at which a part of a condition begins to hold is found: to
 rounding."""
@@ -19,6 +21,12 @@ DATINGS = 3
 """A step is taken back this many times at most, so that it ends where a condition has held long enough."""
 STATED = 3
 """Conditions that a scene states, before those of its schedule."""
+
+
+@inner_kernel
+def is_over(end: float, time: float, h: float) -> bool:
+    """Whether a time has come to which a step of length h led, up to rounding."""
+    return end - time <= max(REACHED * h, ULPS * abs(end))
 
 
 @inner_kernel

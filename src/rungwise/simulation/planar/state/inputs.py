@@ -9,7 +9,7 @@ from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
 from rungwise.scene.language.expression import SLOTS, TIMES, evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.held_since import REACHED, clear_times, note_times, times_end
+from rungwise.simulation.planar.state.held_since import clear_times, is_over, note_times, times_end
 from rungwise.simulation.planar.state.workspace import State, Workspace, time_slot
 
 LOCATED = 1e-3
@@ -63,7 +63,7 @@ def switch_inputs(inputs: Inputs, buffer: Reals, h: float, workspace: Workspace)
     clock = workspace.state.clock[0]
     if clock.segment >= inputs.durations.shape[0]:
         return False
-    over = clock.switch - clock.time <= REACHED * h
+    over = is_over(clock.switch, clock.time, h)
     if over:
         clock.time = clock.switch
         if clock.lifts:
