@@ -6,6 +6,7 @@ from rungwise.contact.step.planar import (
     ENUMERATION,
     NO_SOLUTION,
     PIVOTING,
+    PROXIMAL,
     SOLVED,
     TOLERANCE,
     matrix_size,
@@ -21,9 +22,11 @@ from rungwise.contact.step.problem import (
     trim,
 )
 from rungwise.contact.step.steady import correct_velocities
+from rungwise.contact.step.worth import judged
 
 __all__ = [
-    "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "SOLVED",
-    "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
-    "correct_velocities", "keep_contacts", "matrix_size", "solve_planar", "start_associated", "trim",
+    "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "PROXIMAL",
+    "SOLVED", "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
+    "correct_velocities", "judged", "keep_contacts", "matrix_size", "solve_planar", "start_associated",
+    "trim",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Which chain solves a step's problem: of few bodies in the plane, of many, or in space."""
+"""Which chain solves a step's problem: of few bodies in the plane, of many, on supports, or in space."""
 
 from __future__ import annotations
 
@@ -31,6 +31,20 @@ def solve_spatial(
     raise NotImplementedError
 
 
+@imported_kernel("rungwise.contact.solvers.space.balls")
+def solve_with_balls(
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    halt: Ints,
+) -> float:
+    """Solve the step's problem where limited rows share balls; returns the residual."""
+    raise NotImplementedError
+
+
 @inner_kernel
 def solve_in_space(
     problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch
@@ -39,6 +53,16 @@ def solve_in_space(
     entries = terms.entries
     return solve_spatial(
         problem, sizes, unknowns_in(scratch), entries.columns, entries.couplings, scratch.halt
+    )
+
+
+@inner_kernel
+def solve_on_surfaces(problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch) -> float:
+    """Solve from the forces and velocities of the scratch, into these, with rows that share surfaces as they
+    are; returns the residual."""
+    entries = terms.entries
+    return solve_with_balls(
+        problem, sizes, unknowns_in(scratch), terms.surface, entries.columns, entries.couplings, scratch.halt
     )
 
 

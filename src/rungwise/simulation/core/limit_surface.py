@@ -2,16 +2,15 @@
 
     t in argmin over |t| <= 1 of t . u,   t_i = tau_i / F_i,   u_i = F_i s_i  (power)
 
-for the rows i of one limit surface, at most three. Algorithm: semismooth Newton on t = P(t - u / c), P the
-projection on the unit ball. Each of its linear pieces is a step's problem with force-limited rows, which the
-chain solves: while the body sticks, the rows as they are (a box, about the ball); while it slips, the row
-along the force, limited, and across it rows that yield, u_across + rho t_across = 0. Where directions do not
-settle, or a piece has no solution, surfaces that slip are damped for a few turns: the force along the motion
-grows with its speed, about the speed of the solution before (the proximal point method in velocities). Later,
-all rows yield by the power of the solution before (Weiszfeld's iteration, which descends; with a secant).
-Newton goes on from there. Source: Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart
-and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control Optim. 14 (1976)
-877-898.
+for the rows i of one limit surface, at most three. Two algorithms take turns. Semismooth Newton on t = P(t -
+u / c), P the projection on the unit ball, has linear pieces, each of which is a step's problem with
+force-limited rows, which the chain solves: while the body sticks, the rows as they are (a box, about the
+ball); while it slips, the row along the force, limited, and across it rows that yield, u_across + rho
+t_across = 0. Few such problems lead to an answer where one body slides; directions of several do not settle
+so. There, and where a piece has no solution, the laws of contacts and surfaces are met at once
+(`contact.solvers.space.balls`), and the pieces of that answer judge it. Source: Goyal, Ruina, Papadopoulos,
+Wear 143 (1991) 307-330 (limit surface); Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991)
+353-375.
 """
 
 from __future__ import annotations
@@ -24,29 +23,24 @@ from rungwise.contact.step import (
     BACKWARD,
     FORWARD,
     NO_SOLUTION,
+    PROXIMAL,
     SOLVED,
     STICK,
+    TOLERANCE,
     ContactProblem,
     Sizes,
+    judged,
     trim,
 )
-from rungwise.kernel import Ints, Reals, Record, kernel, rare_kernel
-from rungwise.simulation.core.chains import solve_in_plane
-from rungwise.simulation.core.state import Scratch, State
+from rungwise.kernel import Ints, Reals, kernel
+from rungwise.simulation.core.chains import solve_in_plane, solve_on_surfaces
+from rungwise.simulation.core.state import Scratch, State, unknowns_in
 from rungwise.system.terms import APART, Terms
 
-STUCK, SLIPS, DAMPED, YIELDS = 0, 1, 2, 3
+STUCK, SLIPS = 0, 1
 """Pieces of the law that a problem is made of."""
-DIRECTIONS, TURNS, ROUNDS = 8, 4, 200
-"""Problems after which directions count as not settled, of one iteration before the other has its turn (the
-descending one has twice as many each time), and after which the law counts as not met."""
-LOOSE = 1e3
-"""Limit of a row that yields, over its own: far above what the law allows, and finite, so that the chain can
-tell great forces from the forces of a singular mode."""
-DAMPING = 0.3
-"""Slope of a damped force over its speed, over the force per speed. Chosen by trial, to a decade."""
-FAR = 10.0
-"""Farthest that the secant goes, as a factor."""
+FIRST, AFTER = 4, 8
+"""Problems of pieces before all laws are met at once, of one surface alone, and after it. Chosen by trial."""
 EXACT = 1e-10
 """Distance of t from its projection, in the ball of radius 1, up to which the law is met."""
 ROUNDED = 1e-13
@@ -65,33 +59,88 @@ def solve_supported(
     n, contacts, limited = sizes
     for r in range(limited):
         row = scratch.support[r]
-        row.offset = problem.w_s[r]
-        row.scale = row.tried = 0.0
+        row.offset, row.scale = problem.w_s[r], 0.0
     _measure(contacts, limited, n, state.v, False, terms, state, scratch)
-    _aim(limited, False, False, terms, scratch)
-    status, found, stage, damped = NO_SOLUTION, math.inf, 0, False
-    unsettled, descends, until, spell = False, False, DIRECTIONS, TURNS
-    for turn in range(ROUNDS):
+    _aim(limited, terms, scratch)
+    found, stage, left, tried = math.inf, 0, FIRST if _is_one(limited, terms) else 0, False
+    while left > 0 or not tried:
+        if left == 0:
+            met, found = _meet_at_once(sizes, terms, state, scratch, problem)
+            if met:
+                _hand_over(contacts, limited, terms, scratch)
+                return SOLVED, found, PROXIMAL
+            left, tried = AFTER, True
+        left -= 1
         _fill(contacts, limited, n, terms, state, scratch, problem)
         status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
         if status != SOLVED:
-            if damped or not _damp(limited, terms, scratch):
-                break
-            damped = True
+            left = 0
             continue
-        damped = False
         for i in range(n):
             scratch.v_new[state.free[i]] = scratch.x[i]
         _measure(contacts, limited, n, scratch.v_new, True, terms, state, scratch)
-        if turn == until:
-            unsettled, descends = not unsettled, spell > TURNS
-            until += spell if unsettled else TURNS
-            spell *= 2 if unsettled else 1
-        apart, met = _aim(limited, unsettled, descends, terms, scratch)
+        apart, met = _aim(limited, terms, scratch)
         if met:
             _hand_over(contacts, limited, terms, scratch)
             return SOLVED, max(found, apart), stage
     return NO_SOLUTION, found, stage
+
+
+@kernel
+def _is_one(limited: int, terms: Terms) -> bool:
+    """Whether there is one surface alone."""
+    surfaces = 0
+    for first in range(limited):
+        surfaces += 1 if leads(first, limited, terms) > 0 else 0
+    return surfaces == 1
+
+
+@kernel
+def _meet_at_once(
+    sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+) -> tuple[bool, float]:
+    """Solve all laws at once, from where the pieces are, and set the pieces that belong to the solution;
+    whether it meets all laws, and the residual of these pieces."""
+    n, contacts, limited = sizes
+    for r in range(limited):
+        scratch.support[r].piece = STUCK
+    _fill(contacts, limited, n, terms, state, scratch, problem)
+    for r in range(limited):
+        if terms.surface[r] != APART:
+            scratch.limited_force[r] = scratch.support[r].force * terms.limit[r]
+    for i in range(n):
+        scratch.x[i] = state.v[state.free[i]]
+    if not solve_on_surfaces(problem, sizes, terms, scratch) < math.inf:
+        _measure(contacts, limited, n, state.v, False, terms, state, scratch)
+        _aim(limited, terms, scratch)
+        return False, math.inf
+    for i in range(n):
+        scratch.v_new[state.free[i]] = scratch.x[i]
+    for first in range(limited):
+        size, force = leads(first, limited, terms), 0.0
+        for j in range(size):
+            r = _member(first, j, terms)
+            force += (scratch.limited_force[r] / terms.limit[r]) ** 2
+        for j in range(size):
+            sticks = math.sqrt(force) < 1.0 - EXACT
+            scratch.mode[contacts + _member(first, j, terms)] = STICK if sticks else FORWARD
+    _measure(contacts, limited, n, scratch.v_new, True, terms, state, scratch)
+    apart, met = _aim(limited, terms, scratch)
+    if not met:
+        return False, apart
+    _fill(contacts, limited, n, terms, state, scratch, problem)
+    for first in range(limited):
+        size = leads(first, limited, terms)
+        for m in range(size):
+            own, force = _member(first, m, terms), 0.0
+            for j in range(size):
+                force += (
+                    _turned(first, m, j, terms, scratch) * scratch.support[_member(first, j, terms)].force
+                )
+            unit = terms.limit[own if scratch.support[first].piece == STUCK else first]
+            scratch.limited_force[own] = force * unit
+    found = judged(problem, sizes, unknowns_in(scratch))
+    return found <= TOLERANCE, max(found, apart)
 
 
 def without_law(problem: ContactProblem, terms: Terms, free: Ints, inertia: float) -> ContactProblem:
@@ -200,7 +249,7 @@ def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float
     """Part of row j of the surface in direction m of the problem: Householder's reflection takes the first
     direction to the force."""
     same = 1.0 if m == j else 0.0
-    if scratch.support[first].piece in (STUCK, YIELDS):
+    if scratch.support[first].piece == STUCK:
         return same
     lead = math.copysign(1.0, scratch.support[first].along)
     a = scratch.support[_member(first, m, terms)].along + (lead if m == 0 else 0.0)
@@ -209,7 +258,7 @@ def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float
 
 
 @kernel
-def _aim(limited: int, unsettled: bool, descends: bool, terms: Terms, scratch: Scratch) -> tuple[float, bool]:
+def _aim(limited: int, terms: Terms, scratch: Scratch) -> tuple[float, bool]:
     """Set the piece of the law that each surface asks for; returns the greatest distance from the law, and
     whether all laws are met, as far as rounding of speeds allows."""
     worst, met, rounding = 0.0, True, ROUNDED * _fastest(limited, terms, scratch)
@@ -237,15 +286,8 @@ def _aim(limited: int, unsettled: bool, descends: bool, terms: Terms, scratch: S
         if lead.scale > 0.0:
             allowed += min(rounding * terms.limit[first] / lead.scale, VAGUE)
         met &= math.sqrt(apart) <= allowed
-        slips, moves = length > 1.0 - EXACT, unsettled and power > EXACT * lead.scale
-        if moves and descends:
-            lead.yields = _ahead(lead, power) if lead.piece == YIELDS else power
-            lead.piece = YIELDS
-        elif moves and slips:
-            lead.piece, lead.yields, lead.tried = DAMPED, power, 0.0
-        else:
-            lead.piece = SLIPS if slips else STUCK
-            lead.yields, lead.tried = lead.scale * max(length - 1.0, 0.0), 0.0
+        lead.piece = SLIPS if length > 1.0 - EXACT else STUCK
+        lead.yields = lead.scale * max(length - 1.0, 0.0)
     return worst, met
 
 
@@ -262,35 +304,6 @@ def _fastest(limited: int, terms: Terms, scratch: Scratch) -> float:
     return fastest
 
 
-@rare_kernel
-def _ahead(lead: Record, power: float) -> float:
-    """What rows should yield by after they yielded by `lead.yields` and gave `power`: where the two would be
-    equal if the inverse of one were linear in the inverse of the other, as it is for a body alone; far ahead
-    where this leads to rest."""
-    ahead = power
-    if lead.tried > 0.0 and lead.tried != lead.yields:
-        slope = (1.0 / power - 1.0 / lead.met) / (1.0 / lead.yields - 1.0 / lead.tried)
-        inverse = (1.0 / power - slope / lead.yields) / (1.0 - slope)
-        rests = not (slope < 1.0 and inverse > 0.0)
-        ahead = power / FAR if rests else min(max(1.0 / inverse, power / FAR), power * FAR)
-    lead.tried, lead.met = lead.yields, power
-    return ahead
-
-
-@rare_kernel
-def _damp(limited: int, terms: Terms, scratch: Scratch) -> bool:
-    """Let the surfaces that slip be damped; returns whether anything slips."""
-    slips = False
-    for first in range(limited):
-        size, lead, power = leads(first, limited, terms), scratch.support[first], 0.0
-        for j in range(size):
-            power += scratch.support[_member(first, j, terms)].power ** 2
-        if size > 0 and lead.piece == SLIPS:
-            slips = True
-            lead.piece, lead.yields = (DAMPED, math.sqrt(power)) if power > 0.0 else (STUCK, 0.0)
-    return slips
-
-
 @kernel
 def _fill(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
@@ -304,7 +317,7 @@ def _fill(
             r = _member(first, m, terms)
             unit = terms.limit[r if lead.piece == STUCK else first]
             p.R_s[r] = p.w_s[r] = 0.0
-            p.F[r] = LOOSE * unit if lead.piece in (DAMPED, YIELDS) else unit
+            p.F[r] = unit
             scratch.limited_force[r], scratch.mode[contacts + r] = 0.0, STICK
             for i in range(n):
                 p.S[r, i] = 0.0
@@ -314,17 +327,13 @@ def _fill(
                 p.w_s[r] += part * scratch.support[own].offset
                 for i in range(n):
                     p.S[r, i] += part * terms.limited[own, state.free[i]]
-            if lead.piece != STUCK and (m > 0 or lead.piece != SLIPS):
+            if lead.piece == SLIPS and m > 0:
                 p.R_s[r] = lead.yields / (unit * unit)
-        if size > 0 and lead.piece in (SLIPS, DAMPED):
+        if size > 0 and lead.piece == SLIPS:
             # The reflection takes the first direction to the opposite of a positive force.
-            side, unit = -math.copysign(1.0, lead.along), terms.limit[first]
-            scratch.limited_force[first] = side * unit
-            if lead.piece == DAMPED:
-                p.R_s[first] /= DAMPING
-                p.w_s[first] += side * lead.yields * (1.0 - 1.0 / DAMPING) / unit
-            else:
-                scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
+            side = -math.copysign(1.0, lead.along)
+            scratch.limited_force[first] = side * terms.limit[first]
+            scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
 
 
 @kernel

@@ -26,11 +26,10 @@ CLOCK = record_type(COUNTS, TIMES)
 `wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last attempt; `eps` and
 `theta` belong to its problem; then its residual, and the work of all steps taken."""
 
-SUPPORT = record_type("piece", "offset force power along scale yields tried met")
+SUPPORT = record_type("piece", "offset force power along scale yields")
 """A row of dry friction that shares a limit surface (see `core.limit_surface`): rate at rest, force over its
 limit, power at its limit, and the direction of the force. The first row of a surface also has the piece of
-the law, the greatest power yet, by how much the rows across the force yield, and by how much they did before,
-with the power met then."""
+the law, the greatest power yet, and by how much the rows across the force yield."""
 
 
 class State(Block):

@@ -13,25 +13,25 @@ residual within `TOLERANCE`, computed from the problem as it was given.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from rungwise.contact.solvers.settings import FINISH, NEARER, STALLED
-from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
-from rungwise.contact.solvers.space.newton import Steps, descend, is_wide, plan_blocks
-from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
+from rungwise.contact.solvers.space.measure import Island, measure
+from rungwise.contact.solvers.space.newton import descend
+from rungwise.contact.solvers.space.path import advance, begin, product_ahead
 from rungwise.contact.solvers.space.proximal import approach, put, residual_at
-from rungwise.contact.solvers.space.rows import (
-    Bodies,
-    Groups,
-    Order,
-    demanded_yield,
-    fill_bodies,
-    fill_groups,
-    sort_rows,
+from rungwise.contact.solvers.space.room import (
+    Room,
+    allocate_room,
+    give_back,
+    room_for,
+    sort_problem,
+    span_of,
+    take_start,
 )
-from rungwise.contact.solvers.space.sweeps import Answers, accelerate, respond, sweep
+from rungwise.contact.solvers.space.rows import Bodies, Groups, demanded_yield, lead_rows
+from rungwise.contact.solvers.space.sweeps import accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
@@ -58,19 +58,6 @@ _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
 
-class Room(NamedTuple):
-    """What solvers of islands work in: `point` is where they are and end, `trial` where they look, `attempt`
-    where the proximal point method begins on the path, and `best` the least residual met."""
-
-    point: Point
-    trial: Point
-    attempt: Point
-    best: Point
-    answers: Answers
-    duals: Duals
-    steps: Steps
-
-
 @allocating_kernel
 def solve_spatial(
     problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints, halt: Ints
@@ -82,7 +69,6 @@ def solve_spatial(
     n, contacts, limited = sizes
     _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
-    rows, count = contacts * d + limited, contacts + limited
     touched = touch(p, sizes, columns, couplings)
     going = v[:n].copy()
     v[:n] = 0.0
@@ -93,98 +79,40 @@ def solve_spatial(
             v[:n] = going
         error = residual_where(p, sizes, touched, unknowns)
         if error <= _ENOUGH * TOLERANCE:
-            _tell_modes(p, sizes, touched, unknowns)
+            tell_modes(p, sizes, touched, unknowns)
             return SOLVED, error, GUESS
-    sorted_by = Order(
-        np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    )
-    island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
-    islands = sort_rows(p, sizes, touched, sorted_by, island, order)
-    bodies = _bodies(sorted_by)
-    if not fill_bodies(p, n, bodies):
+    lead = lead_rows(np.empty(0, np.int64), limited)
+    by = sort_problem(p, sizes, touched, np.ones(contacts, np.int64), lead, d)
+    if not by.solid:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
-    entries = touched.first[count]
-    groups = Groups(
-        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
-        np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
-        np.empty(entries, np.int64), np.empty(d * entries), np.empty(count), np.empty(count),
-    )  # fmt: skip
-    answers = Answers(
-        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
-        np.empty(rows * n), np.empty((count, d, d)),
-    )  # fmt: skip
-    fill_groups(p, contacts, touched, sorted_by, bodies, order, groups)
+    room, islands = allocate_room(by, p.quantum[0], halt), len(by.ends)
     demand, lone = demanded_yield(p, sizes, touched), lone and islands == 1
-    vectors, dual, narrow = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows)), _narrow(island, islands)
-    point = _point(vectors[0], n, rows)
-    matrix, pivots, dv, dx = (
-        np.empty(narrow * narrow),
-        np.empty(narrow, np.int64),
-        np.empty(n),
-        np.empty(rows),
-    )
-    push = np.empty(d * n)
-    slope, inverse, centre = np.empty((count, d, 2 * d)), np.empty((count, d, 2 * d)), np.zeros(rows)
-    _take_start(groups, contacts, d, force, tau, point.x)
-    for i in range(n):
-        v[i] = going[bodies.place[i]] / bodies.unit[i]
-    going[:] = v[:n]
+    v[:n] = going
+    take_start(by, sizes, d, unknowns, going, room.point.x)
     worst = GUESS
     for polishes in (False, True):
-        low, first = 0, 0
         for i in range(islands):
-            span = Span(low, island[i, 0], first, island[i, 1])
-            touching = Island(bodies, groups, span, p.quantum[0], halt)
-            low, first = touching.span.high, touching.span.last
-            steps = Steps(matrix, pivots, plan_blocks(touching), push, dv, dx, slope, inverse, centre)
-            room = Room(
-                point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows),
-                answers, Duals(dual[0], dual[1], dual[2], dual[3]), steps,
-            )  # fmt: skip
+            touching = Island(by.bodies, by.groups, span_of(by.ends, i), p.quantum[0], halt)
+            own = room_for(touching, room)
             if polishes:
-                descend(touching, 0.0, _STEPS, point, room.trial, steps)
+                descend(touching, 0.0, _STEPS, own.point, own.trial, own.steps)
             else:
-                worst = max(worst, _solve_island(touching, lone, demand, going, room))
-        for i in range(n):
-            v[bodies.place[i]] = bodies.unit[i] * point.v[i]
-        _give_back(groups, contacts, d, point.x, force, tau)
+                worst = max(worst, _solve_island(touching, lone, demand, going, own))
+        give_back(by, sizes, d, room.point, unknowns)
         error = residual_where(p, sizes, touched, unknowns)
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
     status = (
         SOLVED
-        if error <= TOLERANCE and _exertion(bodies, groups, p.quantum[0], point.x) <= WEDGED
+        if error <= TOLERANCE and _exertion(by.bodies, by.groups, p.quantum[0], room.point.x) <= WEDGED
         else NO_SOLUTION
     )
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
-    _tell_modes(p, sizes, touched, unknowns)
+    tell_modes(p, sizes, touched, unknowns)
     return status, error, worst
-
-
-@allocating_kernel
-def _bodies(sorted_by: Order) -> Bodies:
-    """Room for the blocks of H and their factors."""
-    place, _, first, last = sorted_by
-    n, room = len(place), 0
-    at = np.empty(n, np.int64)
-    for i in range(n):
-        at[i] = room - first[i]
-        room += last[i] - first[i]
-    return Bodies(np.empty(room), np.empty(room), at, first, last, np.empty(n), place, np.empty(n))
-
-
-@inner_kernel
-def _narrow(island: Ints, islands: int) -> int:
-    """Coordinates of the greatest island that is not wide."""
-    most, low = 0, 0
-    for i in range(islands):
-        if not is_wide(island[i, 0] - low):
-            most = max(most, island[i, 0] - low)
-        low = island[i, 0]
-    return most
 
 
 @allocating_kernel
@@ -195,15 +123,6 @@ def _all_touch(touched: Touched, n: int) -> bool:
     for e in range(touched.first[-1]):
         touches[touched.coordinate[e]] = True
     return bool(touches.all())
-
-
-@allocating_kernel
-def _point(vector: Reals, n: int, rows: int) -> Point:
-    at = 2 * n
-    return Point(
-        vector[:n], vector[at : at + rows], vector[at + rows : at + 2 * rows],
-        vector[at + 2 * rows : at + 3 * rows], vector[n:at],
-    )  # fmt: skip
 
 
 @kernel
@@ -320,29 +239,6 @@ def _by_path(island: Island, room: Room) -> bool:
 
 
 @kernel
-def _take_start(groups: Groups, contacts: int, d: int, force: Reals, tau: Reals, x: Reals) -> None:
-    """Forces to start from, cut off at their limits."""
-    for g in range(len(groups.source)):
-        source, row = groups.source[g], groups.row[g]
-        for i in range(groups.row[g + 1] - row):
-            given = force[source * d + i] if source < contacts else tau[source - contacts]
-            x[row + i] = given if math.isfinite(given) else 0.0
-
-
-@kernel
-def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, tau: Reals) -> None:
-    for k in range(contacts * d):
-        force[k] = 0.0
-    for g in range(len(groups.source)):
-        source, row = groups.source[g], groups.row[g]
-        for i in range(groups.row[g + 1] - row):
-            if source < contacts:
-                force[source * d + i] = x[row + i]
-            else:
-                tau[source - contacts] = x[row]
-
-
-@kernel
 def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, as
     `contact.step.proximal.exertion` for planar problems."""
@@ -364,7 +260,7 @@ def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float
 
 
 @kernel
-def _tell_modes(p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns) -> None:
+def tell_modes(p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns) -> None:
     """A contact that pushes slips where its friction is at the limit and its rate is more than rounding."""
     _, contacts, limited = sizes
     mode, v, force, tau = unknowns

@@ -101,16 +101,19 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
 def _miss(
     groups: Groups, g: int, row: int, end: int, x: Reals, u: Reals, per_speed: float, per_force: float
 ) -> float:
-    force, rate = x[row] * per_force, u[row] * per_speed
-    if groups.mu[g] < 0.0:
-        limit = groups.limit[g] * per_force if per_force > 0.0 else math.inf
-        return abs(force - min(max(force - rate, -limit), limit)) + 0.0 * rate
-    length = 0.0
-    for i in range(row + 1, end):
+    force, rate, length, total = x[row] * per_force, u[row] * per_speed, 0.0, 0.0
+    limited = groups.mu[g] < 0.0
+    radius = groups.mu[g] * max(force, 0.0)
+    if limited:
+        radius = groups.limit[g] * per_force if per_force > 0.0 else math.inf
+    first = row if limited else row + 1
+    for i in range(first, end):
         length += (x[i] * per_force - u[i] * per_speed) ** 2
-    length, radius, total = math.sqrt(length), groups.mu[g] * max(force, 0.0), 0.0
+    length = math.sqrt(length)
     shrink = 1.0 if length <= radius else radius / length
-    for i in range(row + 1, end):
+    for i in range(first, end):
         force_i = x[i] * per_force
         total += (force_i - shrink * (force_i - u[i] * per_speed)) ** 2
+    if limited:
+        return math.sqrt(total)
     return max(abs(min(rate, force)) + 0.0 * rate, math.sqrt(total))

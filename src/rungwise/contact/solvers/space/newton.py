@@ -1,10 +1,11 @@
 """Newton's method on the laws of contact, in as many unknowns as an island has velocities.
 
 Algorithm: forces x and velocities v satisfy H v = W^T x + c, and the natural map x - P(x - r u) = 0 of each
-group, u = W v + R x + w; P projects a contact's force on the friction disc of its own normal force, r is one
-over the yield of bodies and contact. Each step eliminates the changes of forces group by group, where each
-force yields a little more than R (what forces redundant contacts have is not determined by the rest), and
-solves (H + W^T E W) dv = ... by Gaussian elimination. Old factors serve while they bring the map down fast.
+group, u = W v + R x + w; P projects a contact's force on the friction disc of its own normal force, limited
+rows on their interval or ball, and r is one over the yield of bodies and contact. Each step eliminates the
+changes of forces group by group, where each force yields a little more than R (what forces redundant contacts
+have is not determined by the rest), and solves (H + W^T E W) dv = ... by Gaussian elimination. Old factors
+serve while they bring the map down fast.
 With `hold` > 0 forces yield in u as well, about `centre`: a subproblem of the proximal point method.
 Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
 Optim. 14 (1976) 877-898.
@@ -109,9 +110,12 @@ def _project(
         for j in range(n):
             slope[i, j] = 0.0
     ahead = x[row] - pace * u[row]
-    if mu < 0.0:
+    if mu < 0.0 and n == 1:
         kept = min(max(ahead, -limit), limit)
         F[row], slope[0, 0] = x[row] - kept, 1.0 if kept == ahead else 0.0
+        return
+    if mu < 0.0:
+        _project_on_ball(limit, pace, row, n, x, u, F, slope)
         return
     if ahead <= 0.0:
         for i in range(n):
@@ -136,6 +140,33 @@ def _project(
         slope[i, i] += shrink
     for i in range(1, n):
         F[row + i] = x[row + i] - shrink * F[row + i]
+
+
+@inner_kernel
+def _project_on_ball(
+    limit: float, pace: float, row: int, n: int, x: Reals, u: Reals, F: Reals, slope: Reals
+) -> None:
+    length = 0.0
+    for i in range(row, row + n):
+        F[i] = x[i] - pace * u[i]
+        length += F[i] * F[i]
+    length = math.sqrt(length)
+    shrink = limit / length if length > limit else 1.0
+    for i in range(n):
+        for j in range(n if shrink < 1.0 else 0):
+            slope[i, j] = -shrink * F[row + i] / length * F[row + j] / length
+        slope[i, i] += shrink
+    for i in range(row, row + n):
+        F[i] = x[i] - shrink * F[i] if shrink < 1.0 else pace * u[i]
+
+
+@inner_kernel
+def is_idle(inverse: Reals, n: int, d: int) -> bool:
+    """Whether the forces of a group of n rows answer to no rate."""
+    idle = True
+    for i in range(n):
+        idle &= inverse[i, d + i] == 0.0
+    return idle
 
 
 @inner_kernel
@@ -218,7 +249,7 @@ def assemble(island: Island, steps: Steps) -> bool:
     for g in range(first, last):
         size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
         width = groups.column[g + 1] - begin
-        if steps.inverse[g, 0, d] == 0.0:
+        if is_idle(steps.inverse[g], size, d):
             continue
         W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
         for a in range(size):
@@ -249,10 +280,10 @@ def _assemble_blocks(island: Island, steps: Steps) -> bool:
         for j in range(bodies.first[i], bodies.last[i]):
             add(blocks, i - low, j - low, bodies.H[bodies.at[i] + j])
     for g in range(first, last):
-        if steps.inverse[g, 0, d] == 0.0:
-            continue
         size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
         width = groups.column[g + 1] - begin
+        if is_idle(steps.inverse[g], size, d):
+            continue
         W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
         touched, E = groups.touched[begin : begin + width], steps.inverse[g, :size, d : d + size]
         add_product(blocks, touched, low, E, W, steps.push)
@@ -302,10 +333,10 @@ def find_step(island: Island, point: Point, steps: Steps) -> None:
     else:
         substitute(steps.matrix[: n * n].reshape(n, n), n, steps.order, dv)
     for g in range(first, last):
-        if inverse[g, 0, d] == 0.0:
-            continue
         row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
         width = groups.column[g + 1] - begin
+        if is_idle(inverse[g], end - row, d):
+            continue
         for i in range(row, end):
             total = 0.0
             for j in range(width):

@@ -3,8 +3,9 @@
 Algorithm: as `interior_point`: forces z and rates w stay inside Lorentz's cones and follow the path on which
 their product is a multiple of the unit, down to zero, with Nesterov and Todd's scaling and a predictor; w_n
 is the normal rate plus mu times the slip, which is linearised with the rest. A limited row stays between two
-limits; a row without limits yields a little about its last force. Changes of forces are eliminated group by
-group, as in `space.newton`, whose equations serve. Sources: those of `interior_point`.
+limits, rows on a ball in the cone whose axis is the limit; a row without limits yields a little about its
+last force. Changes of forces are eliminated group by group, as in `space.newton`, whose equations serve.
+Sources: those of `interior_point`.
 Accepts: what `space.newton` accepts. Promises: some twenty factorisations however redundant contacts are,
 where friction does not couple too strongly; among many solutions one in the midst of them.
 """
@@ -34,8 +35,9 @@ _TINY = 1e-300
 
 
 class Duals(NamedTuple):
-    """Rates in the cones, w (rows,), of a limited row at its lower limit, and other (rows,) at its upper; aim
-    and toward (rows,): what dw and d(other) must be, but for the part linear in dx."""
+    """Rates in the cones, w (rows,), of a limited row at its lower limit, and other (rows,) at its upper, or
+    in the first row of a ball along the axis of its cone; aim and toward (rows,): what dw and d(other) must
+    be, but for the part linear in dx."""
 
     w: Reals
     other: Reals
@@ -47,9 +49,8 @@ class Duals(NamedTuple):
 def begin(island: Island, point: Point, duals: Duals, steps: Steps) -> None:
     """Forces and rates on the axes of the cones, as large as the rates without forces are."""
     groups, span = island.groups, island.span
-    x, w, other = point.x, duals.w, duals.other
     for r in range(groups.row[span.first], groups.row[span.last]):
-        x[r] = w[r] = other[r] = 0.0
+        point.x[r] = 0.0
     accelerate(island, point)
     evaluate(island, 0.0, point, steps)
     energy = 0.0
@@ -57,16 +58,26 @@ def begin(island: Island, point: Point, duals: Duals, steps: Steps) -> None:
         row, end = groups.row[g], groups.row[g + 1]
         for r in range(row, end):
             energy += point.u[r] ** 2 * reach(groups, g, end - row)
-    unit = math.sqrt(max(energy, _TINY) / max(span.last - span.first, 1))
+    begin_on_axes(island, math.sqrt(max(energy, _TINY) / max(span.last - span.first, 1)), point, duals)
+    accelerate(island, point)
+
+
+@kernel
+def begin_on_axes(island: Island, unit: float, point: Point, duals: Duals) -> None:
+    """Set forces and rates on the axes of the cones: as large as rates are whose energy is unit squared."""
+    groups, span = island.groups, island.span
+    x, w, other = point.x, duals.w, duals.other
     for g in range(span.first, span.last):
-        row = groups.row[g]
-        pace, mu, limit = math.sqrt(reach(groups, g, groups.row[g + 1] - row)), groups.mu[g], groups.limit[g]
+        row, end, mu, limit = groups.row[g], groups.row[g + 1], groups.mu[g], groups.limit[g]
+        pace = math.sqrt(reach(groups, g, end - row))
+        for r in range(row, end):
+            x[r] = w[r] = other[r] = duals.toward[r] = 0.0
         if mu >= 0.0:
             x[row] = FORCE * unit * pace / (mu if mu > 0.0 else 1.0)
             w[row] = RATE * unit / pace
         elif 0.0 < limit < math.inf:
-            w[row] = other[row] = FORCE * RATE * unit * unit / limit
-    accelerate(island, point)
+            other[row] = FORCE * RATE * unit * unit / limit
+            w[row] = other[row] if end - row == 1 else 0.0
 
 
 @kernel
@@ -125,6 +136,9 @@ def _linearise(
         held = mu < 0.0 and limit == 0.0
         inverse[0, 0] = inverse[0, d] = 0.0 if held else 1.0 / (S + groups.R[g, 0, 0])
         return
+    if mu < 0.0:
+        _linearise_ball(groups, g, x, duals, slope, inverse)
+        return
     slip, pull, dot = 0.0, 0.0, mu * x[row] * w[row]
     for i in range(1, n):
         slip += w[row + i] ** 2
@@ -156,6 +170,34 @@ def _linearise(
         inverse[0, d + j] /= mu
 
 
+@inner_kernel
+def _linearise_ball(groups: Groups, g: int, x: Reals, duals: Duals, slope: Reals, inverse: Reals) -> None:
+    """slope[:n, :n] = S, its row n that of the axis; both parts of `inverse` are Q^-1, Q = S + R."""
+    row, n, d = groups.row[g], groups.row[g + 1] - groups.row[g], groups.R.shape[1]
+    limit, w, axis = groups.limit[g], duals.w, duals.other[groups.row[g]]
+    slip, pull, dot = 0.0, 0.0, limit * axis
+    for i in range(row, row + n):
+        slip += w[i] ** 2
+        pull += x[i] ** 2
+        dot += x[i] * w[i]
+    slip, pull = math.sqrt(slip), math.sqrt(pull)
+    size_z = math.sqrt(max((limit - pull) * (limit + pull), _TINY))
+    size_w = math.sqrt(max((axis - slip) * (axis + slip), _TINY))
+    per = 1.0 / (2.0 * math.sqrt(0.5 * (1.0 + dot / (size_z * size_w))))
+    ratio, Q = size_w / size_z, slope[:, d:]
+    for i in range(n):
+        mine = per * (w[row + i] / size_w - x[row + i] / size_z)
+        for j in range(n):
+            slope[i, j] = 2.0 * ratio * mine * per * (w[row + j] / size_w - x[row + j] / size_z)
+        slope[i, i] += ratio
+        slope[n, i] = 2.0 * ratio * mine * per * (axis / size_w + limit / size_z)
+    for i in range(n):
+        for j in range(n):
+            Q[i, j] = slope[i, j] + groups.R[g, i, j]
+            inverse[i, j] = inverse[i, d + j] = 1.0 if i == j and limit > 0.0 else 0.0
+    eliminate(Q, inverse, n, d)
+
+
 @kernel
 def _find(
     island: Island,
@@ -172,6 +214,16 @@ def _find(
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]
         mu, limit = groups.mu[g], groups.limit[g]
+        if mu < 0.0 and end - row > 1:
+            inside = limit * limit
+            for r in range(row, end):
+                inside -= x[r] ** 2
+            inside = max(inside, _TINY)
+            duals.toward[row] = target * limit / inside - duals.other[row]
+            for r in range(row, end):
+                aim[r] = -target * x[r] / inside - w[r]
+                F[r] = repaired * (u[r] - w[r]) - aim[r]
+            continue
         if mu < 0.0:
             aim[row] = duals.toward[row] = 0.0
             if 0.0 < limit < math.inf:
@@ -200,15 +252,17 @@ def _find(
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]
         mu, limit = groups.mu[g], groups.limit[g]
-        if mu < 0.0:
+        if mu < 0.0 and end - row == 1:
             if 0.0 < limit < math.inf:
                 aim[row] -= w[row] / (limit + x[row]) * dx[row]
                 duals.toward[row] += duals.other[row] / (limit - x[row]) * dx[row]
             continue
-        for i in range(row, end):
-            for j in range(row, end):
-                scale = mu if j == row and end - row > 1 else 1.0
+        for j in range(row, end):
+            scale = mu if mu >= 0.0 and j == row and end - row > 1 else 1.0
+            for i in range(row, end):
                 aim[i] -= steps.slope[g, i - row, j - row] * scale * dx[j]
+            if mu < 0.0:
+                duals.toward[row] -= steps.slope[g, end - row, j - row] * dx[j]
 
 
 @kernel
@@ -220,15 +274,18 @@ def product_ahead(island: Island, x: Reals, duals: Duals, length: float, steps: 
         row, mu, limit = groups.row[g], groups.mu[g], groups.limit[g]
         if mu < 0.0 and not 0.0 < limit < math.inf:
             continue
-        cones += 1 if mu >= 0.0 else 2
+        single = groups.row[g + 1] - row == 1
+        cones += 2 if mu < 0.0 and single else 1
         for r in range(row, groups.row[g + 1]):
             force, rate, more = x[r], w[r], other[r]
             if length > 0.0:
                 force += length * steps.dx[r]
                 rate += length * duals.aim[r]
                 more += length * duals.toward[r]
-            if mu < 0.0:
+            if mu < 0.0 and single:
                 total += (limit + force) * rate + (limit - force) * more
+            elif mu < 0.0:
+                total += force * rate + (limit * more if r == row else 0.0)
             else:
                 total += (mu if mu > 0.0 and r == row else 1.0) * force * rate
     return total, cones
@@ -241,6 +298,12 @@ def _longest(island: Island, x: Reals, duals: Duals, steps: Steps) -> float:
     least = math.inf
     for g in range(span.first, span.last):
         row, end, mu, limit = groups.row[g], groups.row[g + 1], groups.mu[g], groups.limit[g]
+        if mu < 0.0 and end - row > 1:
+            if limit > 0.0:
+                axis, rise = duals.other[row], duals.toward[row]
+                least = min(least, _leave(limit, 0.0, x, steps.dx, row, end))
+                least = min(least, _leave(axis, rise, duals.w, duals.aim, row, end))
+            continue
         if mu < 0.0:
             if 0.0 < limit < math.inf:
                 least = min(least, _reach(limit + x[row], steps.dx[row]))
@@ -249,7 +312,8 @@ def _longest(island: Island, x: Reals, duals: Duals, steps: Steps) -> float:
                 least = min(least, _reach(duals.other[row], duals.toward[row]))
             continue
         scale = mu if end - row > 1 else 1.0
-        least = min(least, _leave(x, steps.dx, row, end, scale), _leave(duals.w, duals.aim, row, end, 1.0))
+        least = min(least, _leave(scale * x[row], scale * steps.dx[row], x, steps.dx, row + 1, end))
+        least = min(least, _leave(duals.w[row], duals.aim[row], duals.w, duals.aim, row + 1, end))
     return least
 
 
@@ -259,18 +323,18 @@ def _reach(z: float, dz: float) -> float:
 
 
 @inner_kernel
-def _leave(z: Reals, dz: Reals, row: int, end: int, scale: float) -> float:
-    """The step at which z + step dz, with its first entry times scale, leaves the cone."""
-    top, rise = scale * z[row], scale * dz[row]
+def _leave(top: float, rise: float, z: Reals, dz: Reals, first: int, end: int) -> float:
+    """The step at which a point leaves the cone, with `top` along its axis, which has the rate `rise`, and
+    the rows from first to end of z across."""
     least = _reach(top, rise)
     a, half, left = rise * rise, top * rise, top * top
-    for i in range(row + 1, end):
+    for i in range(first, end):
         a -= dz[i] * dz[i]
         half -= z[i] * dz[i]
         left -= z[i] * z[i]
     left = max(left, 0.0)
     inside = half * half - a * left
-    if end - row > 1 and inside >= 0.0 and (a < 0.0 or half < 0.0):
+    if end > first and inside >= 0.0 and (a < 0.0 or half < 0.0):
         below = math.sqrt(inside) - half
         if below > 0.0:
             least = min(least, left / below)

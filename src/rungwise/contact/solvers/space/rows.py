@@ -3,7 +3,8 @@
 Coordinates that H couples (a body, a hand) are a block; blocks that rows couple are an island. Coordinates
 are sorted by island and block, and counted in units in which H has a unit diagonal; rows are grouped by
 contact, or one by one where they are limited, sorted by island, and kept with the coordinates of the blocks
-they touch only. A contact without friction has its normal row alone.
+they touch only. A contact without friction has its normal row alone; limited rows that share a ball, |x| <=
+limit, are one group, in the unit of the first one's force.
 """
 
 from __future__ import annotations
@@ -53,9 +54,10 @@ class Bodies(NamedTuple):
 class Groups(NamedTuple):
     """g groups of rows, sorted: row (g + 1,) and column (g + 1,), their first rows and first entries of
     `touched`, the coordinates they touch; entry (g + 1,): first entries of W, row by row; source (g,):
-    contact, or number of contacts plus limited row.
+    contact, or number of contacts plus limited row; origin (rows,): row of the problem, limited ones after
+    those of all contacts, and share (rows,): a force of the problem over one here.
 
-    mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,); scale (g,):
+    mu (g,) of a contact, -1 of limited rows; limit (g,) of their force; R (g, d, d); w (rows,); scale (g,):
     mean yield of bodies to forces, as if no coordinates were coupled; ahead (g,): the yield with which the
     map looks ahead.
     """
@@ -64,6 +66,8 @@ class Groups(NamedTuple):
     column: Ints
     entry: Ints
     source: Ints
+    origin: Ints
+    share: Reals
     mu: Reals
     limit: Reals
     R: Reals
@@ -75,8 +79,46 @@ class Groups(NamedTuple):
 
 
 @allocating_kernel
+def lead_rows(surface: Ints, limited: int) -> Ints:
+    """The first row of each limited row's ball (limited,): of those with the same number in `surface`
+    (limited,), the row itself where that is negative, or `surface` is empty."""
+    lead = np.empty(limited, np.int64)
+    for r in range(limited):
+        lead[r] = r
+        for first in range(r if len(surface) > 0 and surface[r] >= 0 else 0):
+            if surface[first] == surface[r]:
+                lead[r] = first
+                break
+    return lead
+
+
+@inner_kernel
+def leads_group(awake: Ints, lead: Ints, g: int) -> bool:
+    """Whether a contact, or limited row after them, is a group or the first of one: contacts that are not
+    `awake` (contacts,) are none."""
+    contacts = len(awake)
+    return bool(awake[g] != 0 if g < contacts else lead[g - contacts] == g - contacts)
+
+
+@inner_kernel
+def count_groups(awake: Ints, lead: Ints) -> int:
+    """Groups of a problem."""
+    count = 0
+    for g in range(len(awake) + len(lead)):
+        count += 1 if leads_group(awake, lead, g) else 0
+    return count
+
+
+@allocating_kernel
 def sort_rows(
-    p: ContactProblem, sizes: Sizes, touched: Touched, sorted_by: Order, island: Ints, order: Ints
+    p: ContactProblem,
+    sizes: Sizes,
+    touched: Touched,
+    awake: Ints,
+    lead: Ints,
+    sorted_by: Order,
+    island: Ints,
+    order: Ints,
 ) -> int:
     """Fill the order of coordinates, the ends (islands, 2) of each island's coordinates and groups in
     `island`, and the groups' order in `order` (groups,). Returns the number of islands."""
@@ -100,11 +142,18 @@ def sort_rows(
             if g < contacts
             else p.S[g - contacts : g - contacts + 1]
         )
-        for e in range(touched.first[g], touched.first[g + 1]):
+        joins = g >= contacts or awake[g] != 0
+        for e in range(touched.first[g], touched.first[g + 1] if joins else touched.first[g]):
             if _meets(rows, touched.coordinate[e]):
                 if home[g] != _END:
                     _join(isle, home[g], touched.coordinate[e])
                 home[g] = touched.coordinate[e]
+    for r in range(limited):
+        g, leader = contacts + r, contacts + lead[r]
+        if home[leader] == _END:
+            home[leader] = home[g]
+        elif home[g] != _END:
+            _join(isle, home[leader], home[g])
     # Chains: members of blocks by their least, blocks of islands by theirs, groups of islands.
     members, blocks = np.full((2, n), _END), np.full((2, n), _END)
     owned = np.full((2, max(n, groups)), _END)
@@ -115,7 +164,7 @@ def sort_rows(
         if _root(block, i) == i:
             _append(blocks, tails[1], _root(isle, i), i)
     for g in range(groups):
-        if home[g] != _END:
+        if home[g] != _END and leads_group(awake, lead, g):
             _append(owned, tails[2], _root(isle, home[g]), g)
     count, done, placed = 0, 0, 0
     for top in range(n):
@@ -136,7 +185,7 @@ def sort_rows(
         island[count, 0], island[count, 1] = done, placed
         count += 1
     for g in range(groups):
-        if home[g] == _END:
+        if home[g] == _END and leads_group(awake, lead, g):
             order[placed] = g
             placed += 1
             island[count, 0], island[count, 1] = done, placed
@@ -230,6 +279,7 @@ def fill_groups(
     p: ContactProblem,
     contacts: int,
     touched: Touched,
+    lead: Ints,
     sorted_by: Order,
     bodies: Bodies,
     order: Ints,
@@ -239,24 +289,30 @@ def fill_groups(
     d = p.R.shape[1]
     groups.row[0] = groups.column[0] = groups.entry[0] = 0
     for g in range(len(order)):
-        source = order[g]
-        r = source - contacts
+        source, first = order[g], groups.row[g]
+        r, end = source - contacts, first
         groups.source[g] = source
         if r < 0:
-            size = _size(p, source, contacts)
             groups.mu[g], groups.limit[g] = p.mu[source], math.inf
-            rows = p.W[source * d : source * d + size]
-            for i in range(size):
-                groups.w[groups.row[g] + i] = p.w[source * d + i]
-                for j in range(size):
+            end += _size(p, source, contacts)
+            for i in range(end - first):
+                groups.origin[first + i], groups.share[first + i] = source * d + i, 1.0
+                groups.w[first + i] = p.w[source * d + i]
+                for j in range(end - first):
                     groups.R[g, i, j] = p.R[source, i, j]
         else:
-            size, rows = 1, p.S[r : r + 1]
             groups.mu[g], groups.limit[g] = -1.0, p.F[r]
-            groups.w[groups.row[g]], groups.R[g, 0, 0] = p.w_s[r], p.R_s[r]
-        groups.row[g + 1] = groups.row[g] + size
-        meets = touched.coordinate[touched.first[source] : touched.first[source + 1]]
-        _compress(rows, meets, sorted_by.rank, bodies, g, groups)
+            for m in range(r, len(lead)):
+                if lead[m] == r:
+                    share = p.F[m] / p.F[r] if m > r else 1.0
+                    groups.origin[end], groups.share[end] = contacts * d + m, share
+                    groups.w[end] = share * p.w_s[m]
+                    for i in range(end - first):
+                        groups.R[g, i, end - first] = groups.R[g, end - first, i] = 0.0
+                    groups.R[g, end - first, end - first] = share * share * p.R_s[m]
+                    end += 1
+        groups.row[g + 1] = end
+        _compress(p, contacts, touched, sorted_by.rank, bodies, g, groups)
 
 
 @allocating_kernel
@@ -284,23 +340,44 @@ def demanded_yield(p: ContactProblem, sizes: Sizes, touched: Touched) -> float:
 
 
 @inner_kernel
-def _compress(rows: Reals, meets: Ints, rank: Ints, bodies: Bodies, g: int, groups: Groups) -> None:
+def _compress(
+    p: ContactProblem, contacts: int, touched: Touched, rank: Ints, bodies: Bodies, g: int, groups: Groups
+) -> None:
     """Keep the columns in which a row has an entry, sorted."""
-    size, width, total = rows.shape[0], 0, 0.0
-    touched = groups.touched[groups.column[g] :]
-    for e in range(len(meets)):
-        if _meets(rows, meets[e]):
-            own, at = rank[meets[e]], width
-            while at > 0 and touched[at - 1] > own:
-                touched[at] = touched[at - 1]
-                at -= 1
-            touched[at] = own
-            width += 1
-    groups.column[g + 1], groups.entry[g + 1] = groups.column[g] + width, groups.entry[g] + size * width
+    first, end, total, width = groups.row[g], groups.row[g + 1], 0.0, 0
+    own, rows = groups.touched[groups.column[g] :], p.R.shape[1] * contacts
+    for r in range(first, end):
+        source = groups.source[g] if groups.mu[g] >= 0.0 else groups.origin[r] - rows + contacts
+        for e in range(touched.first[source], touched.first[source + 1]):
+            if _entry(p, rows, groups.origin[r], touched.coordinate[e]) != 0.0:
+                width = _insert(rank[touched.coordinate[e]], own, width)
+    groups.column[g + 1] = groups.column[g] + width
+    groups.entry[g + 1] = groups.entry[g] + (end - first) * width
     at = groups.entry[g]
-    for r in range(size):
+    for r in range(first, end):
         for j in range(width):
-            groups.W[at] = rows[r, bodies.place[touched[j]]] * bodies.unit[touched[j]]
+            entry = _entry(p, rows, groups.origin[r], bodies.place[own[j]])
+            groups.W[at] = groups.share[r] * entry * bodies.unit[own[j]]
             total += groups.W[at] * groups.W[at]
             at += 1
-    groups.scale[g] = groups.ahead[g] = total / size
+    groups.scale[g] = groups.ahead[g] = total / (end - first)
+
+
+@inner_kernel
+def _entry(p: ContactProblem, rows: int, r: int, j: int) -> float:
+    """Entry of a row, where limited ones come after so many of contacts."""
+    return float(p.W[r, j] if r < rows else p.S[r - rows, j])
+
+
+@inner_kernel
+def _insert(rank: int, sorted_ranks: Ints, count: int) -> int:
+    """Insert a rank among so many, unless it is there; returns how many there are then."""
+    at = count
+    while at > 0 and sorted_ranks[at - 1] > rank:
+        at -= 1
+    if at > 0 and sorted_ranks[at - 1] == rank:
+        return count
+    for i in range(count, at, -1):
+        sorted_ranks[i] = sorted_ranks[i - 1]
+    sorted_ranks[at] = rank
+    return count + 1

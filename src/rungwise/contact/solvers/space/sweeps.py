@@ -1,7 +1,7 @@
 """Gauss-Seidel on an island: each group in turn moves the bodies that it touches.
 
 Algorithm: a contact's normal force, given its friction, then its friction, projected on the disc of its
-normal force, a few times in turn; a limited row is cut off at its limits. Source: Jourdan, Alart, Jean,
+normal force, a few times in turn; limited rows are cut off at their limits. Source: Jourdan, Alart, Jean,
 Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47. Accepts: what `space.newton` accepts. Promises: nothing;
 sweeps find which contacts carry, stick and slide, and leave the rest to Newton's method.
 """
@@ -131,12 +131,21 @@ def _solve_group(
         newer = x[row] - u[row] / max(own[0, 0] + R[0, 0], least)
         x[row] = min(max(newer, -limit if groups.mu[g] < 0.0 else 0.0), limit)
         return
-    stiff = least
-    for i in range(1, n):
+    stiff, first = least, 0 if groups.mu[g] < 0.0 else 1
+    for i in range(first, n):
         total = 0.0
-        for j in range(1, n):
+        for j in range(first, n):
             total += abs(own[i, j] + R[i, j])
         stiff = max(stiff, total)
+    if groups.mu[g] < 0.0:
+        length = 0.0
+        for i in range(row, row + n):
+            x[i] -= u[i] / stiff
+            length += x[i] * x[i]
+        shrink = min(limit / math.sqrt(length), 1.0) if length > 0.0 else 1.0
+        for i in range(row, row + n):
+            x[i] *= shrink
+        return
     for _ in range(_TURNS):
         newer = max(0.0, x[row] - u[row] / max(own[0, 0] + R[0, 0], least))
         change = newer - x[row]
