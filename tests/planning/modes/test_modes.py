@@ -20,7 +20,7 @@ from rungwise.planning.modes.frames import weights_of
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.outlines import alike
-from rungwise.planning.modes.planner import COURSES, FOLLOWED, anew_on, mode_planner
+from rungwise.planning.modes.planner import COURSES, anew_on, mode_planner
 from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import Work, begin
@@ -487,7 +487,7 @@ def test_the_shortest_courses_are_followed_in_turn() -> None:
     assert planner is not None
     (ground,) = planner.scene.grounds.values()
     seen = list[float]()
-    for planner.turn in range(0, COURSES * FOLLOWED, FOLLOWED):
+    for planner.turn in range(COURSES):
         course = planner._course(ground)
         seen.append(sum(ground.away(a, b) for a, b in pairwise(course)))
         assert course is planner._course(ground)

@@ -24,7 +24,15 @@ from rungwise.planning.modes.frames import (
     marks_in_space,
     weights_of,
 )
-from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, laid, middle_of, reached
+from rungwise.planning.modes.joints.inverse_kinematics import (
+    EXACT,
+    Reach,
+    first_free,
+    laid,
+    middle_of,
+    reached,
+    to_posture,
+)
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Near, Surroundings, Touches, frame_of
 from rungwise.world.contract import OBJECT
@@ -309,12 +317,11 @@ class Ground:
         point, normal, pair = at + turned @ point, turned @ normal, int(self.own[f])
         if finger.arm is not None:
             first = self.task.scene.template.contacts[pair][0] == finger.carrier.body
-            wanted = Reach(
-                pair, 1.0 if first else -1.0, finger.body, point, normal, self.task.size, self.closed
-            )
+            sign = 1.0 if first else -1.0
+            wanted = Reach(pair, sign, finger.body, point, normal, self.task.size, self.closed)
             to = reached if finger.contacts == 1 else laid
             posed = to(self.around, finger.arm, q, wanted)
-            return next((each for each in posed if self.look(each).held[f] >= 0), None)
+            return first_free(self.around, posed, wanted, self.avoided, self.apart)
         found[finger.columns] = point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
             gap = self.around.touches(found, 0.0).least[pair]
@@ -336,6 +343,8 @@ class Ground:
             rows = rows.reshape(-1, rows.shape[2])
             own = rows[:, finger.moved] @ finger.rates(q)
             along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=DEPENDENT)[0]
+            if finger.arm is not None:
+                along += to_posture(finger.arm, q, own)
             q = finger.put(q, finger.drives(q) + along)
         return q
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,7 @@ from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
-from rungwise.planning.modes.tree import far, propose
+from rungwise.planning.modes.tree import Leg, far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.goals import goals_of
@@ -33,9 +33,10 @@ DRIFTED = 0.15
 """How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
 AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
 """How legs are made again: with which part of the load fingers press at least, and how much slower."""
-ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
+ATTEMPTS, EVENLY, BY_MODES, AT_FIRST = 12, 0.4, 0.8, 0.05
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
-objects, and a turn by modes where they do not."""
+objects; a turn by modes where they do not, or where something is in the straight way; and there the first
+turn by pushes."""
 SPARING = 4.0
 """How much more a node with a course lacks where more of its moves than of the course are spent."""
 OTHERS = 0.1
@@ -46,9 +47,11 @@ ASIDE = 0.8
 STEP = 3
 """Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
 searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
-GUIDES, COURSES, FOLLOWED = 8, 3, 4
+SOONER = 2
+"""How many legs of a tree on a course may be left out at a time."""
+GUIDES, COURSES = 8, 3
 """How often the way of an object alone is sought, to one place at the goal after the other; how many of the
-shortest are followed, and in how many trees each, in turn."""
+shortest are followed, in turn."""
 WAYS = "ways of objects alone"
 """By which these are kept for all stages."""
 NO_WAY = "no way of the object alone past what stands around it"
@@ -82,23 +85,25 @@ def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
 def anew_on(work: Work, predictor: Predictor) -> Found | None:
     """A new plan on a stage: by contact modes and by pushes that are tried, in turns; by pushes first where
     supports carry all objects, unless it names fingers on servos, or there is a path to follow; these take
-    less of the time where something is in the straight way of an object."""
+    less of the time where something is in the straight way of an object, and least at first."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)
     idle, slides = 0, not work.named.task.is_led and not len(work.path)
     share = EVENLY if slides and not planner.is_barred else BY_MODES
+    others = share if share == EVENLY else AT_FIRST if slides else 1.0 - share
     while work.budget.left and idle < IDLE:
         runs = work.budget.outcomes.total()
         for by_modes in (False, True) if slides else (True, False):
             try:
-                with work.budget.part(share if by_modes or share == EVENLY else 1.0 - share):
+                with work.budget.part(share if by_modes else others):
                     found = planner.search(ATTEMPTS) if by_modes else search_once(work, predictor)
             except TimeOver:
                 found = None
             if found is not None:
                 return found
             work.budget.look()
+        others = share if share == EVENLY else 1.0 - share
         idle = idle + 1 if work.budget.outcomes.total() == runs else 0
     return None
 
@@ -190,11 +195,12 @@ class ModePlanner:
         if legs is None:
             return None
         vectors = [scene.vector(ground, leg, manner) for leg in legs]
-        for k, leg in enumerate(legs):
-            planned = leg.way.places[-1]
-            made = (
-                Begun(ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner, self._look)
-            )
+        ends, k = [leg.way.places[-1] for leg in legs], 0
+        while k < len(legs):
+            made = Begun(ground, ground.look(q), legs[0]) if k == 0 else None
+            if len(course):
+                k, made = self._sooner(legs, vectors, ends, k, q, manner) or (k, made)
+            made = made or scene.leg(q, vectors[k], manner, self._look)
             if made is None:
                 work.failures["no leg from where the object is"] += 1
                 return None
@@ -204,9 +210,25 @@ class ModePlanner:
             node, q = after, after.places.q[0]
             if node.outcome == Code.GOAL:
                 return node.found
-            if ground.away(q, planned) > DRIFTED * work.task.size:
+            if ground.away(q, ends[k]) > DRIFTED * work.task.size:
                 work.failures[f"led astray on {self.predictor.stage.model.name}"] += 1
                 return None
+            k += 1
+        return None
+
+    def _sooner(
+        self, legs: Sequence[Leg], vectors: Sequence[Reals], ends: Sequence[Reals], k: int, q: Reals,
+        manner: Manner,
+    ) -> tuple[int, Begun] | None:  # fmt: skip
+        """A leg after the leg k, by its number, that leads from q (n,) to its end at once, so that fingers
+        change places less often; None where none does."""
+        for j in range(min(k + SOONER, len(legs) - 1), k, -1):
+            if not legs[j].changes.any() or not any(leg.changes.any() for leg in legs[k:j]):
+                continue
+            made = self.scene.leg(q, vectors[j], manner, self._look)
+            near = DRIFTED * self.work.task.size
+            if made is not None and made.ground.away(made.leg.way.places[-1], ends[j]) < near:
+                return j, made
         return None
 
     def _look(self, steps: int) -> None:
@@ -307,7 +329,7 @@ class ModePlanner:
         if key not in self._courses:
             self._courses[key] = self._shortest(ground)
         courses = self._courses[key]
-        return courses[self.turn // FOLLOWED % len(courses)]
+        return courses[self.turn % len(courses)]
 
     def _shortest(self, ground: Ground) -> list[Reals]:
         """The shortest courses of an object that are found; one without places where it goes straight."""

@@ -44,6 +44,8 @@ ONWARD = 3
 BEHIND, BACK = 0.5, 0.3
 """How often such places are drawn behind the farthest that was reached, and the chance to go back no farther,
 place by place."""
+FRUGAL = 1.0
+"""How much farther from a place of a path a node counts as where no changes of fingers are left."""
 ROWS = 200
 """Nodes for which room is made at a time."""
 CHOSEN, GREEDY = 4, 0.3
@@ -53,7 +55,7 @@ PAIRS, TRIES, PLACED, ENOUGH = 24, 60, 24, 6
 these, how often fingers are placed, and those that fit after which no more are."""
 LEAVES, IDLE = 0.6, 0.25
 """How often a finger changes its place, and then touches nothing."""
-ALONE = 0.4
+ALONE = 0.2
 """How often a finger at a given speed pushes alone, where others could push beside it."""
 OPPOSITE = 0.5
 """How often a finger is placed across the object from another."""
@@ -101,6 +103,18 @@ class Tree:
         if far > self.been:
             self.been, self.first = far, len(self.seen) - 1
 
+    def add(self, ground: Ground, node: int, leg: Leg, path: Reals) -> int:
+        """The node at the end of a leg from another one; a path (p, n), if one is known, tells how far."""
+        seen = ground.look(leg.way.places[-1])
+        self.seen.append(seen)
+        self.used.append(leg.way.used)
+        self.left.append(self.left[node] - int(leg.changes.any()))
+        self.parents.append(node)
+        self.legs.append(leg)
+        self.chosen.append(0)
+        self.note(ground.marks(seen.q), far(ground, seen.q, path))
+        return len(self.seen) - 1
+
     def way(self, node: int) -> list[Leg]:
         """The legs that lead to a node."""
         found = list[Leg]()
@@ -139,19 +153,16 @@ def propose(
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
             target = ground.drawn(home, room, rng)
-        node = _chosen(ground, tree, target, rng)
+        node = _chosen(ground, tree, target, rng, len(path) > 0)
         for leg in _extended(ground, tree, node, target, home, press, rng, failed, look):
-            seen = ground.look(leg.way.places[-1])
-            tree.seen.append(seen)
-            tree.used.append(leg.way.used)
-            tree.left.append(tree.left[node] - int(leg.changes.any()))
-            tree.parents.append(node)
-            tree.legs.append(leg)
-            grown[LEGS] += 1
-            tree.chosen.append(0)
-            tree.note(ground.marks(seen.q), far(ground, seen.q, path))
-            if reached(seen.q):
-                return tree.way(len(tree.seen) - 1)
+            last: int = node
+            on: Leg | None = leg
+            while on is not None:
+                last = tree.add(ground, last, on, path)
+                grown[LEGS] += 1
+                if reached(tree.seen[last].q):
+                    return tree.way(last)
+                on = _led_on(ground, tree, last, path, press, look)
     return tree.way(tree.first) if tree.been >= begins + ONWARD else None
 
 
@@ -164,10 +175,34 @@ def far(ground: Ground, q: Reals, path: Reals) -> int:
     return int(near.max(initial=0))
 
 
-def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator) -> int:
-    """The node to go on from: near to the target, and not often chosen before."""
+def _led_on(
+    ground: Ground, tree: Tree, node: int, path: Reals, press: float, look: Callable[[int], None]
+) -> Leg | None:  # fmt: skip
+    """The leg that leads an object farthest on a path (p, n) from a node with the fingers that hold it there;
+    None where none does."""
+    seen, used = tree.seen[node], tree.used[node]
+    best, begun = None, far(ground, seen.q, path)
+    if begun + 1 >= len(path) or not used.any():
+        return None
+    target = path[min(begun + AHEAD, len(path) - 1)]
+    most, want = begun, ground.off(seen.q, target)
+    for mode, _ in modes(ground, seen, want)[:CHOSEN]:
+        if not _makes(ground, seen, used, mode, want, press):
+            continue
+        way = follow(ground, seen, used, mode, target, press, look)
+        come = far(ground, way.places[-1], path)
+        if come > most:
+            best, most = Leg(np.zeros_like(used), way), come
+    return best
+
+
+def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator, frugal: bool) -> int:
+    """The node to go on from: near to the target, and not often chosen before; where fingers are to change
+    places seldom, one that has left as many changes as possible."""
     away = np.linalg.norm(tree.places - ground.marks(target), axis=1)
     weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
+    if frugal:
+        weighed *= 1.0 + FRUGAL * (1.0 - np.array(tree.left) / max(tree.left[0], 1))
     node = int(weighed.argmin())
     tree.chosen[node] += 1
     return node

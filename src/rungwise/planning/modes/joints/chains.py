@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -14,8 +15,6 @@ from rungwise.world.carriers import Driven, Link
 from rungwise.world.find import world_of
 
 Flags: TypeAlias = NDArray[np.bool_]
-CHANGE = 1e-6
-"""Change of a joint, in radians, for differences."""
 
 
 class Chain(Protocol):
@@ -39,6 +38,11 @@ class Chain(Protocol):
     def bounds(self) -> tuple[Reals, Reals]:
         """Least and greatest values (k,) of the joints."""
 
+    @property
+    def posture(self) -> Reals | None:
+        """The joints (k,) near which they stay where they may move without moving what touches; None where
+        that is left open."""
+
     def joints(self, q: Reals) -> Reals:
         """The joints (k,) at a place (n_q,)."""
 
@@ -58,6 +62,7 @@ class Joints:
     units: Reals
     hinges: Flags
     bounds: tuple[Reals, Reals]
+    posture: None = None
 
     def joints(self, q: Reals) -> Reals:
         return q[self.places]
@@ -98,6 +103,11 @@ class Arm:
         return np.ones(len(self.links), bool)
 
     @property
+    def posture(self) -> Reals:
+        """Where the joints (k,) are at the start."""
+        return np.zeros(len(self.links))
+
+    @property
     def bounds(self) -> tuple[Reals, Reals]:
         """Least and greatest values (k,) of the joints."""
         return np.array([link.lower for link in self.links]), np.array([link.upper for link in self.links])
@@ -109,32 +119,44 @@ class Arm:
 
     def posed(self, q: Reals, joints: Reals) -> Reals:
         """The place (n,) with the joints at these values (k,)."""
-        found, at = q.copy(), 0
-        for k, size in enumerate(self.sizes):
-            if size == 1:
-                found[self.columns[at]] = self.start[at] + joints[k]
-            else:
-                found[self.columns[at : at + 3]] = self._pose(self.start[at : at + 3], joints[: k + 1])
-            at += size
+        found, column = q.copy(), 0
+        for size, (turn, axis, at) in zip(self.sizes, self._frames(joints), strict=True):
+            own = self.columns[column : column + size]
+            home = self.start[column : column + size]
+            found[own[-1]] = home[-1] + turn
+            if size == 3:
+                c, s = math.cos(turn), math.sin(turn)
+                x, y = home[0] - at[0], home[1] - at[1]
+                found[own[0]], found[own[1]] = axis[0] + c * x - s * y, axis[1] + s * x + c * y
+            column += size
         return found
 
     def rates(self, q: Reals) -> Reals:
         """Changes (m, k) of the coordinates per joint at a place (n,)."""
         joints = self.joints(q)
-        both = [
-            self.posed(q, joints + step)[self.columns] - self.posed(q, joints - step)[self.columns]
-            for step in CHANGE * np.eye(len(joints))
-        ]
-        return np.array(both).T / (2.0 * CHANGE)
+        axes = [axis for _, axis, _ in self._frames(joints)]
+        found, row = np.zeros((len(self.columns), len(joints))), 0
+        for k, size in enumerate(self.sizes):
+            found[row + size - 1, : k + 1] = 1.0
+            if size == 3:
+                x, y = q[self.columns[row]], q[self.columns[row + 1]]
+                found[row, : k + 1] = [axis[1] - y for axis in axes[: k + 1]]
+                found[row + 1, : k + 1] = [x - axis[0] for axis in axes[: k + 1]]
+            row += size
+        return found
 
-    def _pose(self, home: Reals, joints: Reals) -> Reals:
-        """The pose (3,) of a body with this one at home, after the first joints (j,)."""
-        pose = home.copy()
-        for link, by in zip(self.links[: len(joints)][::-1], joints[::-1], strict=True):
-            c, s = np.cos(by), np.sin(by)
-            pose[:2] = link.at + np.array([[c, -s], [s, c]]) @ (pose[:2] - link.at)
-            pose[2] += by
-        return pose
+    def _frames(self, joints: Reals) -> list[tuple[float, tuple[float, float], Reals]]:
+        """Of each joint: the angle by which what follows it is turned, where its axis is, and where that was
+        while all joints were at 0."""
+        turned, x, y, before = 0.0, 0.0, 0.0, np.zeros(2)
+        found = list[tuple[float, tuple[float, float], Reals]]()
+        for link, by in zip(self.links, joints.tolist(), strict=True):
+            c, s = math.cos(turned), math.sin(turned)
+            along, up = float(link.at[0] - before[0]), float(link.at[1] - before[1])
+            x, y = x + c * along - s * up, y + s * along + c * up
+            turned, before = turned + by, link.at
+            found.append((turned, (x, y), link.at))
+        return found
 
 
 def chain_of(task: Task, driven: Driven) -> Chain | None:

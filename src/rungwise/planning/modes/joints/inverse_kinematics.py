@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.joints.chains import Chain
 from rungwise.world.carriers import Surroundings, frame_of
 
@@ -16,6 +17,9 @@ BEGUN = (0.25, 0.75, 0.5)
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a hinge in one, in radians; damping, in parts
 of the size."""
+POSTURE, RANK = 0.2, 1e-6
+"""Part of the way to their posture that joints go in a step; and sizes of rates, over the greatest, below
+which joints are free of them."""
 BESIDE, CLOSES = 0.5, 8
 """How far beside the point, in parts of the size, an arm of few joints may touch; and steps until it does."""
 STILL = 1e-7
@@ -45,6 +49,22 @@ class Reach(NamedTuple):
     normal: Reals
     size: float
     exact: float
+
+
+def first_free(
+    around: Surroundings, posed: Iterable[Reals], wanted: Reach, avoided: Ints, apart: float
+) -> Reals | None:  # fmt: skip
+    """Of places (n,) with an arm that touches an object as wanted, the first at which the scene's contacts
+    that are avoided (a,) keep this gap, else the first; None where there is none."""
+    first = None
+    for found in posed:
+        least = around.touches(found, 0.0).least
+        if not least[wanted.pair] < wanted.exact:
+            continue
+        if least[avoided].min(initial=math.inf) >= apart:
+            return found
+        first = found if first is None else first
+    return first
 
 
 def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
@@ -109,6 +129,7 @@ def _stepped(arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float) -> 
     """The place (n,) after a damped step of the joints, of which none goes far."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
     step = slope.T @ np.linalg.solve(slope @ slope.T + (DAMPED * size) ** 2 * np.eye(len(wanted)), wanted)
+    step += to_posture(arm, q, slope)
     largest = float(np.abs(step[arm.hinges]).max(initial=0.0))
     return arm.posed(q, np.clip(arm.joints(q) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high))
 
@@ -169,3 +190,12 @@ def sides_of(around: Surroundings, body: int) -> list[tuple[Reals, Reals]]:
         left = np.setdiff1d(left, alike)
     largest = max(count for count, _, _ in found)
     return [(middle, normal) for count, middle, normal in found if count >= NEARLY * largest]
+
+
+def to_posture(arm: Chain, q: Reals, slope: Reals) -> Reals:
+    """The change (k,) of the joints towards their posture that leaves alone what moves by `slope` (r, k) per
+    joint (Liegeois 1977); none where there are no more joints than that takes."""
+    if arm.posture is None or len(slope) >= slope.shape[1]:
+        return np.zeros(slope.shape[1])
+    wanted = POSTURE * (arm.posture - arm.joints(q))
+    return np.asarray(wanted - np.linalg.pinv(slope, rcond=RANK) @ (slope @ wanted))
