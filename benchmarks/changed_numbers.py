@@ -128,6 +128,32 @@ def in_kernels(file: str, name: str) -> bool:
     return any(_has_kernels(path) for path, _ in uses(file, name))
 
 
+def kernels_of(file: str, name: str) -> set[tuple[str, str]]:
+    """The functions that read a number, as (module below the package, function)."""
+    found = set[tuple[str, str]]()
+    for path, line in uses(file, name):
+        module = path.relative_to(PACKAGE).as_posix().removesuffix(".py").removesuffix("/__init__")
+        for function, first, last in _functions(path):
+            if first <= line <= last:
+                found.add((module.replace("/", "."), function))
+    return found
+
+
+@cache
+def _functions(path: Path) -> list[tuple[str, int, int]]:
+    """The functions of a file, with their first and last lines."""
+    return [
+        (part.name, part.lineno, part.end_lineno or part.lineno)
+        for part in ast.parse(_texts()[path]).body if isinstance(part, ast.FunctionDef)
+    ]  # fmt: skip
+
+
+def compiled(folder: Path) -> set[tuple[str, str]]:
+    """The kernels that a cache holds, as (module below the package, function): those that were called."""
+    names = [file.name.rsplit(".", 3)[:2] for file in folder.glob("*/*")]
+    return {(name[0], name[1]) for name in names if len(name) == 2}
+
+
 @contextmanager
 def watching(names: Mapping[str, Sequence[str]]) -> Iterator[set[tuple[str, str]]]:
     """The numbers, as (file, name), that Python reads on the way."""

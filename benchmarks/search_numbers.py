@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from changed_numbers import in_kernels, watching
+from changed_numbers import compiled, in_kernels, kernels_of, watching
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = 0.02
@@ -73,19 +73,17 @@ def drawn(which: Sequence[Number], draw: int, factor: float) -> Factors:
     }
 
 
-def answers(factors: Factors, kinds: Sequence[str], kernels: bool = False) -> dict[str, Any]:
-    """What the searches find with the numbers multiplied by these factors."""
+def answers(factors: Factors, kinds: Sequence[str], cache: str = "") -> dict[str, Any]:
+    """What the searches find with the numbers multiplied by these factors; kernels are compiled into `cache`,
+    a folder for these factors alone, where they read some."""
     by_file: dict[str, dict[str, float]] = {}
     for (file, name), factor in factors.items():
         by_file.setdefault(file, {})[name] = factor
     command = [sys.executable, "-W", "ignore", "-c", CHILD, json.dumps(by_file), *kinds]
-    with tempfile.TemporaryDirectory() as folder:
-        own = {"RUNGWISE_CACHE": folder} if kernels and factors else {}
-        path = os.pathsep.join([str(Path(__file__).parent), str(ROOT / "src")])
-        done = subprocess.run(
-            command, capture_output=True, text=True, cwd=ROOT, check=True,
-            env=os.environ | {"PYTHONPATH": path} | own,
-        )  # fmt: skip
+    own = {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), str(ROOT / "src")])}
+    if cache:
+        own["RUNGWISE_CACHE"] = cache
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True, env=os.environ | own)
     return {answer[0]: answer[1:] for answer in map(json.loads, done.stdout.splitlines())}
 
 
@@ -108,6 +106,13 @@ def ratio(before: dict[str, Any], after: dict[str, Any]) -> float:
     return math.exp(float(np.mean(logs))) if logs else 1.0
 
 
+def of_kinds(before: dict[str, Any], after: dict[str, Any]) -> str:
+    """The mean ratios of work, kind by kind, in words."""
+    kinds = dict.fromkeys(name.partition(":")[0] for name, answer in before.items() if answer[3])
+    of_kind = {kind: {name: each for name, each in before.items() if name.startswith(kind)} for kind in kinds}
+    return ", ".join(f"{kind} {ratio(own, after):.2f}" for kind, own in of_kind.items())
+
+
 def blamed(which: Sequence[Number], loses: Callable[[Sequence[Number]], bool]) -> list[Number]:
     """Few numbers that together lose an answer, where all of `which` do: the last of the shortest beginning
     that does, then the same with this one kept and what stood before it."""
@@ -122,10 +127,14 @@ def blamed(which: Sequence[Number], loses: Callable[[Sequence[Number]], bool]) -
     return found
 
 
-def _loses(before: dict[str, Any], factors: Factors, name: str, part: Sequence[Number]) -> bool:
+def _loses(
+    before: dict[str, Any], factors: Factors, name: str, kernels: bool, part: Sequence[Number]
+) -> bool:
     """Whether these numbers alone lose an answer; searches of its kind are run."""
     kind, _, test = name.partition(": ")
-    after = answers({each: factors[each] for each in part}, [test if kind == "tests" else kind])
+    with tempfile.TemporaryDirectory() as folder:
+        own = {each: factors[each] for each in part}
+        after = answers(own, [test if kind == "tests" else kind], folder if kernels else "")
     return name in lost(before, after)
 
 
@@ -151,18 +160,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     before, most = answers({}, given.kinds), 0
     for draw in range(given.first, given.first + given.draws):
         factors = drawn(which, draw, given.factor)
-        after = answers(factors, given.kinds, given.kernels)
+        with tempfile.TemporaryDirectory() as folder:
+            after = answers(factors, given.kinds, folder if given.kernels else "")
+            called = compiled(Path(folder))
         gone = lost(before, after)
         most = max(most, len(gone))
         print(
             f"draw {draw}: {len(which)} numbers, {len(before) - len(gone)} of {len(before)} answers stay,"
-            f" {ratio(before, after):.2f} times the work",
+            f" {ratio(before, after):.2f} times the work ({of_kinds(before, after)})",
             flush=True,
         )
+        if given.kernels:
+            out = [number for number in which if not kernels_of(*number) & called]
+            print(
+                f"  in no kernel that was called: {len(out)}",
+                *map("    {0[0]}: {0[1]}".format, out),
+                sep="\n",
+            )
         for name in gone:
             print(f"  lost: {name}", flush=True)
             if given.blame:
-                for file, own in blamed(which, partial(_loses, before, factors, name)):
+                for file, own in blamed(which, partial(_loses, before, factors, name, given.kernels)):
                     print(f"    {file} {own} times {factors[file, own]:.2f}", flush=True)
     return int(most > ALLOWED * len(before))
 

@@ -1,6 +1,7 @@
 """The named numbers of the source, and what each decides, as a page.
 
     python docs/constants.py                       after a change of a constant, or of `constants.txt`
+    python docs/constants.py --open                numbers that decide, and have neither a test nor a factor
 
 Values and meanings are read from the modules; kinds, what a far smaller or greater number does, and the tests
 that hold it, from `constants.txt`. `tests/test_constants.py` fails where a number is in no table.
@@ -8,6 +9,7 @@ that hold it, from `constants.txt`. `tests/test_constants.py` fails where a numb
 
 from __future__ import annotations
 
+import argparse
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -53,7 +55,16 @@ class Entry:
     @property
     def free(self) -> float:
         """The factor within which the number is free, or 0."""
-        return float(self.held.partition("free")[2] or 0.0)
+        return self._after("free")
+
+    @property
+    def work(self) -> float:
+        """How many times the work searches then take, or 0 where this is about the same."""
+        return self._after("work")
+
+    def _after(self, word: str) -> float:
+        following = self.held.partition(f"{word} ")[2].split()
+        return float(following[0]) if following else 0.0
 
 
 def constants() -> Iterator[Constant]:
@@ -73,6 +84,15 @@ def entries() -> list[Entry]:
             names, *others = (part.strip() for part in line.split("|"))
             found.append(Entry(file, tuple(names.split(", ")), *others))
     return found
+
+
+def unheld(kind: str) -> list[tuple[str, str]]:
+    """The numbers of a kind, as (file, name), for which no test and no factor is known."""
+    return [
+        (entry.file, name)
+        for entry in entries() if entry.kind == kind and not entry.tests and not entry.free
+        for name in entry.names
+    ]  # fmt: skip
 
 
 def page() -> str:
@@ -201,7 +221,11 @@ def _tests(entry: Entry) -> str:
         word if word in "-+" else f"`{word.rpartition('::')[2].rpartition('/')[2]}`"
         for word in entry.held.partition("free")[0].split()
     ]
-    return " ".join([*words, *([f"free by a factor of {entry.free:g}"] if entry.free else [])])
+    if entry.free:
+        words.append(f"free by a factor of {entry.free:g}")
+    if entry.work:
+        words.append(f"at up to {entry.work:g} times the work")
+    return " ".join(words)
 
 
 def _summary(listed: list[Entry]) -> list[str]:
@@ -215,5 +239,16 @@ def _summary(listed: list[Entry]) -> list[str]:
     return [*lines, f"| nothing (speed, sizes, codes) | {others} | | |"]
 
 
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--open", action="store_true", help="list numbers without a test and a factor")
+    if not parser.parse_args().open:
+        (FOLDER / "constants.md").write_text(page(), "utf-8")
+        return
+    for kind in DECIDING:
+        found = unheld(kind)
+        print(f"{kind}: {len(found)}", *(f"  {file}: {name}" for file, name in found), sep="\n")
+
+
 if __name__ == "__main__":
-    (FOLDER / "constants.md").write_text(page(), "utf-8")
+    main()

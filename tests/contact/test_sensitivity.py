@@ -7,6 +7,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.contact.analysis.sensitivity import DATA, Sensitivity, sensitivity
+from rungwise.contact.analysis.sensitivity import _units as units
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 STEP = 1e-5
@@ -228,3 +229,12 @@ def test_wrong_input(data: dict[str, list[float]], message: str) -> None:
     s = sensitivity(p, rw.solve(p))
     with pytest.raises(ValueError, match=message):
         s.forward(**data)
+
+
+def test_units_are_even_whatever_those_of_the_matrix() -> None:
+    """Each round halves the logarithms; thirty take twelve decades to a part in ten millions."""
+    rng = np.random.default_rng(0)
+    matrix, own = rng.normal(size=(12, 12)), 10.0 ** rng.uniform(-6.0, 6.0, 12)
+    matrix = (matrix + matrix.T) * own[:, None] * own
+    unit = units(matrix)
+    np.testing.assert_allclose((np.abs(matrix) * unit[:, None] * unit).max(axis=1), 1.0, rtol=1e-6)

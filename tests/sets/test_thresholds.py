@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import yaml
+
 import rungwise as rw
 from rungwise.kernel import Reals
+from rungwise.scene.scene import LIBRARY
 from rungwise.sets.cells import crossings
 from rungwise.sets.motions import motions
+from rungwise.sets.request import box_of
 
 
 def test_extreme_motions_are_a_thousand_paces_fast() -> None:
@@ -46,3 +50,12 @@ def test_trials_end_where_a_crossing_is_known_to_a_quarter_of_a_cell() -> None:
         at = crossings.solve(tree, 0, oracle)[1]
     below, above = max(x for x in [0.0, *tried] if x <= 0.3), min(x for x in [1.0, *tried] if x > 0.3)
     assert len(tried) <= 4 and below <= at[0] <= above and 0.0025 < above - below <= 0.25
+
+
+@pytest.mark.parametrize(("times", "end"), [(90.0, 2.0), (110.0, 4.0 / 110.0)])
+def test_a_range_of_more_than_a_hundred_times_its_default_is_searched_up_to_twice_this(
+    times: float, end: float
+) -> None:
+    fields = yaml.safe_load((LIBRARY / "two_finger.yaml").read_text("utf-8"))
+    fields["parameters"]["v1"] |= {"default": 2.0 / times, "range": [0.0, 2.0]}
+    assert box_of(rw.load(fields), ("v1",)).tolist() == [[0.0, pytest.approx(end)]]
