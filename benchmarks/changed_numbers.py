@@ -92,12 +92,11 @@ def install(factors: Factors) -> None:
 def uses(file: str, name: str) -> Iterator[tuple[Path, int]]:
     """Files and lines that read a number, in its own module and in those that import it."""
     module = f"rungwise.{file.removesuffix('.py').replace('/', '.')}"
-    imports = re.compile(rf"from {re.escape(module)} import\b")
     of_module = re.compile(rf"\b{re.escape(module.rpartition('.')[2])}\.{name}\b")
     for path, text in _texts().items():
         if name not in text:
             continue
-        if path == PACKAGE / file or imports.search(text):
+        if path == PACKAGE / file or (module, name) in _imports(path):
             yield from ((path, line) for line in _reads(path).get(name, ()))
         else:
             yield from ((path, n) for n, line in enumerate(text.split("\n"), 1) if of_module.search(line))
@@ -106,6 +105,16 @@ def uses(file: str, name: str) -> Iterator[tuple[Path, int]]:
 @cache
 def _texts() -> dict[Path, str]:
     return {path: path.read_text("utf-8") for path in PACKAGE.rglob("*.py")}
+
+
+@cache
+def _imports(path: Path) -> set[tuple[str, str]]:
+    """What a file imports by name, as (module, name)."""
+    return {
+        (part.module or "", each.name)
+        for part in ast.walk(ast.parse(_texts()[path])) if isinstance(part, ast.ImportFrom)
+        for each in part.names
+    }  # fmt: skip
 
 
 @cache

@@ -47,20 +47,22 @@ def tasks() -> Iterator[Answer]:
     """Plans of instances that are drawn."""
     for name in DRAWN:
         for seed in SEEDS:
-            yield _planned(f"{name}, instance {seed}", rw.plan(name, task_seed=1000 + seed, budget=BUDGET))
+            yield _planned(
+                f"{name}, instance {seed}", rw.plan(name, task_seed=1000 + seed, budget=BUDGET, threads=1)
+            )
 
 
 def modes() -> Iterator[Answer]:
     """Plans by contact modes."""
     for name in BY_MODES:
         for seed in SEEDS:
-            yield _planned(f"{name}, seed {seed}", rw.plan(name, seed=seed, budget=BUDGET))
+            yield _planned(f"{name}, seed {seed}", rw.plan(name, seed=seed, budget=BUDGET, threads=1))
 
 
 def space() -> Iterator[Answer]:
     """Plans in space."""
     for name in IN_SPACE:
-        yield _planned(name, rw.plan(name, budget=BUDGET))
+        yield _planned(name, rw.plan(name, budget=BUDGET, threads=1))
 
 
 def _planned(name: str, plan: rw.Plan) -> Answer:
