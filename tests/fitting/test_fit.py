@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.fitting import stages
 
 from .drops import SCENE, TRUE, drops
 
@@ -66,6 +67,15 @@ def test_the_scene_found_has_the_values_and_what_remains_uncertain() -> None:
 def test_a_limit_leaves_the_best_so_far_and_says_so() -> None:
     with pytest.raises(rw.LimitError, match="limit: the time was over before candidates had run"):
         fitted(drops(4), limit=0.0)
+
+
+def test_explained_motions_of_more_spans_than_a_search_takes_are_tested(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, number in (("FEW", 6), ("MANY", 8), ("MOST", 12)):
+        monkeypatch.setattr(stages, name, number)
+    found = fitted(drops(6))
+    assert found.unlike is not None and not found.outside
 
 
 def test_the_same_seed_gives_the_same_fit() -> None:

@@ -52,6 +52,9 @@ def test_names_that_the_scene_does_not_have_are_refused() -> None:
     known = rw.Motions(NAMES, TIMES, PLACES, parameters={"mo": 0.1})
     with pytest.raises(rw.MotionError, match="parameters: unknown 'mo'"):
         rw.fit(SCENE, "dynamic-rigid", known, "mu")
+    beyond = rw.Motions(NAMES, TIMES, PLACES, parameters={"e": [0.5, 1.5]})
+    with pytest.raises(rw.MotionError, match=r"parameters.e: 1.5 in trial 1 is outside 0 to 1"):
+        rw.fit(SCENE, "dynamic-rigid", beyond, "mu")
     asked = rw.Motions(NAMES, TIMES, PLACES, parameters={"mu": 0.1})
     with pytest.raises(rw.MotionError, match=r"parameters.mu: is known in the motions"):
         rw.fit(SCENE, "dynamic-rigid", asked, "mu")
@@ -151,6 +154,21 @@ def test_trials_are_split_without_a_rest() -> None:
     assert len(first) == 3 and len(others) == 2
     with pytest.raises(rw.MotionError, match=r"share: 1.0 of 5 trials leaves one part empty"):
         drops(5, 5).split(1.0)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.6])
+def test_windows_reach_over_gaps(share: float) -> None:
+    """Parabolas with gaps at random frames: values and rates where there is a number, none where not."""
+    rng, times = np.random.default_rng(0), np.arange(60) * 0.01
+    rates = rng.normal(size=(2, 3))
+    columns = rates[0] * times[:, None] + rates[1] * times[:, None] ** 2
+    columns[rng.uniform(size=columns.shape) < share] = np.nan
+    found = smooth(times, columns, np.arange(60))
+    known = np.isfinite(columns)
+    assert np.array_equal(np.isfinite(found.rates), known)
+    assert found.values[known] == pytest.approx(columns[known])
+    assert found.rates[known] == pytest.approx((rates[0] + 2.0 * rates[1] * times[:, None])[known], abs=1e-9)
+    assert deviation(found.scatter, 60) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_rates_of_a_fall_are_exact_and_a_kink_bends_those_beside_it_only() -> None:

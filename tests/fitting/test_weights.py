@@ -82,6 +82,21 @@ def test_intervals_of_a_straight_line_are_those_of_students_t(trials: int) -> No
     assert np.mean(widths) == pytest.approx(np.mean(expected), rel=0.12)
 
 
+@pytest.mark.parametrize("spread", [0.0, 1.0])
+def test_intervals_hold_the_true_value_where_few_trials_say_most(spread: float) -> None:
+    """Straight lines, whose trials say equally much, or some of them ten times as much as others."""
+    rng, true, within = np.random.default_rng(3), np.array([0.4, 0.6]), []
+    for _ in range(150):
+        slopes = 30.0 * rng.normal(size=(12, 4, 2)) * np.exp(spread * rng.normal(size=(12, 1, 2)))
+        second = np.einsum("mri,mrj->mij", slopes, slopes)
+        pull = np.einsum("mri,mr->mi", slopes, rng.normal(size=(12, 4)))
+        unit = true + np.linalg.solve(second.sum(axis=0), pull.sum(axis=0))
+        first = np.einsum("mij,j->mi", second, unit - true) - pull
+        (low, high), _ = _bootstrap([Minimum(unit, np.zeros(12), first, second)], 0)
+        within.append((low <= true) & (true <= high))
+    assert 0.9 <= np.mean(within) <= 0.99
+
+
 @pytest.mark.parametrize(("better", "joined"), [(0.0, True), (20.0, False)])
 def test_intervals_join_minima_that_trials_do_not_tell_apart(better: float, joined: bool) -> None:
     """Each trial prefers one of two minima by chance, or all prefer the first one by as much."""

@@ -162,11 +162,11 @@ class Predictor:
 
     def _run(self, points: Reals, shifts: Reals | None) -> Predicted:
         """The same by runs."""
-        spans, n = self.spans, self.spans.q.shape[1]
+        spans = self.spans
         starts = np.tile(np.concatenate([spans.q, spans.v], axis=1), (len(points), 1, 1))
         if shifts is not None:
             starts += shifts
-        starts[..., :n] = self._starts(points, starts[..., :n])
+        starts = self._starts(points, starts)
         q, ended = self.places(points, starts)
         if self._deadline.is_over:
             raise TimeOver("in the runs of a fit")
@@ -187,6 +187,8 @@ class Predictor:
             self.scene, starts.reshape(p * s, -1), inputs or None, np.tile(spans.durations, (p, 1)), None,
             bool(inputs), given,
         )  # fmt: skip
+        if world_of(self.scene).follows_time and wanted.begins is not None:
+            wanted.begins.bodies[:, -1] = np.tile(spans.first, p)
         options = {"tol": self.tol, "step": self._step, "theta": 1.0, "motion": None}
         found = world_of(self.scene).rollout(
             self.model, wanted, options, keep=True, budget=None, threads=self._threads, chunk=None,
@@ -195,10 +197,10 @@ class Predictor:
         q = _held(found, starts.reshape(p * s, -1)[:, :n]).reshape(p, s, -1, n)
         return q, np.isin(found.outcome, STOPPED).reshape(p, s)
 
-    def _starts(self, points: Reals, q: Reals) -> Reals:
-        """Starts (p, s, n_q) at points (p, k), without overlaps; those of points that have bodies at the same
-        places are moved together."""
-        p, s, n = q.shape
+    def _starts(self, points: Reals, given: Reals) -> Reals:
+        """Starts (p, s, n_q + n_v) at points (p, k), with joints that hold, without overlap; those of points
+        that have bodies at the same places are moved together."""
+        (p, s, _), n = given.shape, self.spans.q.shape[1]
         values = np.concatenate(
             [np.repeat(points, s, axis=0), np.tile(self.spans.values, (p, 1))], axis=1
         )  # fmt: skip
@@ -208,13 +210,16 @@ class Predictor:
         )
         columns = [j for j, name in enumerate(names) if name in placing or j >= len(self.over)]
         rows, group = np.unique(values[:, columns], axis=0, return_index=True, return_inverse=True)[1:]
-        found, moved = q.reshape(-1, n).copy(), np.zeros(p * s)
+        found, moved = given.reshape(p * s, -1), np.zeros(p * s)
+        known = np.median(self.spans.start, axis=0)
         for number, row in enumerate(rows.tolist()):
             same = group.reshape(-1) == number
             named = self._given | dict(zip(names, values[row].tolist(), strict=True))
-            found[same], moved[same] = self._parting(found[same], named)
+            own = self._parting.closed(found[same], named, known)
+            own[:, :n], moved[same] = self._parting(own[:, :n].copy(), named)
+            found[same] = own
         self.moved = moved.reshape(p, s)[-1]
-        return found.reshape(p, s, n)
+        return found.reshape(p, s, -1)
 
 
 def _held(found: Any, starts: Reals) -> Reals:

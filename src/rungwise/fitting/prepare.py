@@ -131,8 +131,8 @@ def prepare(
     if wrong:
         raise InputError(f"box: {wrong}; narrow it, or write one number by another in the scene")
     check_names(motions, loaded.template.coordinates, world_of(loaded).velocities)
-    check_parameters(motions, within.names, loaded.file.parameters, loaded.template.inputs)
     counted = motions.counted_in(loaded)
+    check_parameters(counted, within.names, loaded.file.parameters, loaded.template.inputs)
     return Prepared(loaded, rung, counted, within, given, laid_out(loaded, counted), options)
 
 

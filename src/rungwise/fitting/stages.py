@@ -155,9 +155,10 @@ class Search:
             found = descend(few, self._box, weights, found.unit, told=told)
         self._minima.append(found)
 
-    def _settle(self, refine: bool = False, spans: int = MANY, left: int = WEIGHED) -> None:
+    def _settle(self, refine: bool = False, most: int | None = None, left: int = WEIGHED) -> None:
         """Least squares on many spans, with weights by the sensitivities of runs at the best so far."""
         assert self._state is not None
+        spans = MANY if most is None else most
         while left > 0:
             self._tell(f"least squares on {spans} spans", 0)
             unit, many = self._state.best.unit, self._part(spans)
@@ -226,7 +227,7 @@ class Search:
         """The values, and other minima, by as many spans as there may be, by the weights of the best."""
         if len(self._rows) <= MANY:
             return
-        self._settle(spans=self._most, left=1)
+        self._settle(most=self._most, left=1)
         assert self._state is not None
         (best, weights), most, box = self._state, self._part(self._most), self._box
         curvature, found = derivatives(most, box, weights, best)[2].sum(axis=0), [best]
@@ -309,10 +310,10 @@ class Search:
         prepared, box, k = self._prepared, self._box, len(self._box.names)
         unit, covariance = np.zeros(0), np.zeros((0, 0))
         if self._state is not None:
-            (best, weights), many = self._state, self._part(MANY)
+            (best, weights), most = self._state, self._part(self._most)
             unit = best.unit
-            here = best_of(many, box, weights, unit[None])
-            total = derivatives(many, box, weights, here)[2].sum(axis=0)
+            here = best_of(most, box, weights, unit[None])
+            total = derivatives(most, box, weights, here)[2].sum(axis=0)
             covariance = np.linalg.inv(total + BOX_PRECISION * np.eye(k))
         closed = touching(prepared.scene, self._layout, prepared.given)
         lengths = []

@@ -267,6 +267,10 @@ class Place(Protocol):
     def overlap(self, state: State) -> str:
         """Which bodies overlap most at a state; empty where none do."""
 
+    def closed(self, q: Reals, v: Reals, freedom: Reals) -> tuple[Reals, Reals]:
+        """Places (m, n_q) and velocities (m, n_v) at which joints hold, nearest to these by the deviations
+        `freedom` (n_q + n_v,) of each."""
+
 
 class Marks(Protocol):
     """Places by which motions are compared: from states q (..., n_q) to places (..., p, d)."""

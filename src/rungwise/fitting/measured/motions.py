@@ -297,16 +297,28 @@ def check_names(motions: Motions, coordinates: Sequence[str], velocities: Sequen
 
 
 def check_parameters(
-    motions: Motions, over: Sequence[str], known: Iterable[str], inputs: Sequence[str]
+    motions: Motions, over: Sequence[str], known: Mapping[str, Any], inputs: Sequence[str]
 ) -> None:
-    """Refuse known parameters and inputs that a scene does not have, or that are to be found."""
-    names = tuple(known)
-    for trial in motions.trials:
+    """Refuse known parameters and inputs that a scene does not have, that are to be found, or that leave the
+    range of a parameter (of `known`, by name)."""
+    for number, trial in enumerate(motions.trials):
         for name in trial.parameters:
-            if name not in names:
-                raise MotionError(f"parameters: unknown {shown(name)}{choices(name, names)}")
+            if name not in known:
+                raise MotionError(f"parameters: unknown {shown(name)}{choices(name, tuple(known))}")
             if name in over:
                 raise MotionError(f"parameters.{name}: is known in the motions, and `over` asks for it")
         for name in trial.inputs:
             if name not in inputs:
                 raise MotionError(f"inputs: unknown {shown(name)}; valid: {listed(inputs)}")
+        for field, values in (("parameters", trial.parameters), ("inputs", trial.inputs)):
+            for name, value in values.items():
+                _check_range(f"{field}.{name}", known[name].range, np.atleast_1d(value), number)
+
+
+def _check_range(field: str, ends: tuple[float, float] | None, values: Reals, number: int) -> None:
+    """Refuse values outside of the range of a parameter."""
+    low, high = ends or (-np.inf, np.inf)
+    wrong = np.flatnonzero(~((values >= low) & (values <= high)))
+    if len(wrong):
+        x = values[wrong[0]]
+        raise MotionError(f"{field}: {x:g} in trial {number} is outside {low:g} to {high:g}")

@@ -37,11 +37,25 @@ class Smooth(NamedTuple):
 
 
 def smooth(times: Reals, columns: Reals, rows: Ints) -> Smooth:
-    """Local regression of columns (k, n) at times (k,), at some of the frames (r,); nan are gaps."""
+    """Local regression of columns (k, n) at times (k,), at some of the frames (r,); nan are gaps, over which
+    windows reach."""
+    found = Smooth(*(np.full((len(rows), columns.shape[1]), np.nan) for _ in range(5)))
+    known = np.isfinite(columns)
+    for mask in np.unique(known, axis=1).T:
+        own = np.flatnonzero((known == mask[:, None]).all(axis=0))
+        at = np.flatnonzero(mask[rows])
+        if mask.sum() > DEGREE and len(at):
+            part = _whole(times[mask], columns[np.ix_(mask, own)], np.cumsum(mask)[rows[at]] - 1)
+            for whole, each in zip(found, part, strict=True):
+                whole[np.ix_(at, own)] = each
+    return found
+
+
+def _whole(times: Reals, columns: Reals, rows: Ints) -> Smooth:
+    """The same of columns without gaps."""
     k, n = columns.shape
     window, known = min(WINDOW, k), _Regressions()
-    shape = (len(rows), n)
-    found = Smooth(*(np.full(each, np.nan) for each in (shape,) * 5))
+    found = Smooth(*(np.full((len(rows), n), np.nan) for _ in range(5)))
     for row, at in enumerate(rows.tolist()):
         middle = _within(at - window // 2, window, k)
         others = {_within(at - window + 1, window, k), _within(at, window, k)} - {middle}
@@ -69,11 +83,13 @@ def deviation(scatter: Reals, window: int) -> Reals:
     """The deviation (n,) of one frame from the scatter (r, n) of windows, by its median: impacts bend few."""
     from scipy.stats import chi
 
-    kept = scatter[np.isfinite(scatter).any(axis=1)]
-    if not len(kept):
-        return np.zeros(scatter.shape[1])
+    known = np.isfinite(scatter).any(axis=0)
+    found = np.zeros(scatter.shape[1])
+    if not known.any():
+        return found
     free = max(min(WINDOW, window) - DEGREE - 1, 1)
-    return np.asarray(np.nan_to_num(np.nanmedian(kept, axis=0)) * np.sqrt(free) / chi.median(free))
+    found[known] = np.nanmedian(scatter[:, known], axis=0) * np.sqrt(free) / chi.median(free)
+    return found
 
 
 def _regression(apart: Reals, known: _Regressions) -> tuple[Reals, Reals]:

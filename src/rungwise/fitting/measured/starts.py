@@ -15,7 +15,8 @@ ROUNDS = 30
 CLEAR, STEP = 1e-6, 1e-4
 """Gap that is left, and change of a coordinate by which gaps are differentiated, as parts of the size of what
 is moved: far above rounding, far below what is measured."""
-
+FREE = 1e3
+"""Times by which what was not measured may change more than what was, for joints to hold."""
 PROBE = 0.437
 """Part of an interval at which it is seen whether a parameter moves bodies: no round number."""
 
@@ -34,20 +35,37 @@ class Parting:
     def __init__(self, scene: Any, ends: Mapping[str, tuple[float, float]]) -> None:
         self._world, self._ends = world_of(scene), ends
         self._moved = self._world.at().moved
+        names = (*scene.template.coordinates, *self._world.velocities)
+        self._led = np.isin(names, list(self._world.prescribed))
         self._known: dict[bytes, Apart] = {}
         self._placing: set[str] | None = None
 
     def placing(self, q: Reals, parameters: Mapping[str, float]) -> set[str]:
-        """Those of the parameters that vary which change a gap at places (s, n_q), other parameters being
+        """Those of the parameters that vary which change gaps or joints at places (s, n_q), others being as
         these, where they go from one end of their interval through its middle to the other."""
         if self._placing is None:
             self._placing = set()
             for name, (low, high) in self._ends.items():
                 values = (low, PROBE * low + (1.0 - PROBE) * high, high)
-                tried = [self._world.place(dict(parameters) | {name: x}).geometry(q)[0] for x in values]
-                if any((each != tried[0]).any() for each in tried):
+                told = [self._told(q, dict(parameters) | {name: x}) for x in values]
+                if any((each != told[0]).any() for each in told):
                     self._placing.add(name)
         return self._placing
+
+    def _told(self, q: Reals, parameters: Mapping[str, float]) -> Reals:
+        """Gaps at places (s, n_q), and the places at which joints hold."""
+        place, freedom = self._world.place(parameters), np.ones(len(self._led))
+        closed = place.closed(q, np.zeros((len(q), len(self._led) - q.shape[1])), freedom)[0]
+        return np.concatenate([place.geometry(q)[0], closed], axis=1)
+
+    def closed(self, starts: Reals, parameters: Mapping[str, float], known: Reals) -> Reals:
+        """Starts (s, n_q + n_v) at which joints hold, at these parameters; known (n_q + n_v,): deviations of
+        what was measured, 0 of all else, which follows where joints lead it."""
+        n = len(self._moved.weights)
+        freedom = np.where(known > 0.0, known, FREE * max(float(known.max()), 1e-12))
+        freedom[self._led] = 0.0
+        found = self._world.place(parameters).closed(starts[:, :n], starts[:, n:], freedom)
+        return np.concatenate(found, axis=1)
 
     def __call__(self, q: Reals, parameters: Mapping[str, float]) -> Apart:
         """The places (s, n_q), each moved until no bodies overlap, at these parameters."""

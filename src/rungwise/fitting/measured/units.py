@@ -1,5 +1,6 @@
-"""Units of measurements: columns that state theirs are counted in m, kg, s and rad until a scene is known, and
-from then on in the scene's units; columns that state none are in these."""
+"""Units of measurements: columns that state theirs are counted in m, kg, s and rad until a scene is known.
+
+From then on they are in the scene's units, in which columns are that state none."""
 
 from __future__ import annotations
 

@@ -55,6 +55,10 @@ class MovingPlace:
         1 where there is none."""
         return scale_of(dimension, self.system.size.length, self.bound.duration, 1.0, 0.0)
 
+    def closed(self, q: Reals, v: Reals, _freedom: Reals) -> tuple[Reals, Reals]:
+        """See `world.contract.Place`; these worlds have no joints that a state could open."""
+        return q, v
+
     def poses(self, _q: Reals) -> Reals:
         """Poses (b, k) of the bodies at q (n_q,); nan where the world says none."""
         return np.full((len(self.scene.template.bodies), 3), np.nan)

@@ -22,6 +22,7 @@ from rungwise.simulation.planar.state.allocation import allocate
 from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, in_memory
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
+from rungwise.system.planar.closing import close_joints
 from rungwise.system.planar.place import start, turns
 
 
@@ -77,6 +78,13 @@ class PlanarPlace:
         collides = np.any(gaps < -(slack(self.workspace) + rows.overlaps), axis=1)
         angles = np.arctan2(poses[..., 3:], poses[..., 2:3])
         return gaps, collides, np.concatenate([poses[..., :2], angles], axis=-1)
+
+    def closed(self, q: Reals, v: Reals, freedom: Reals) -> tuple[Reals, Reals]:
+        """See `world.contract.Place`."""
+        records, state = self.bound.records, self.workspace.state
+        if not len(records.measures):
+            return q, v
+        return close_joints(records, state.placed, q, v, freedom, float(state.clock[0]["reach"]))
 
     def overlap(self, state: State) -> str:
         """Which bodies overlap most at a state; empty where none do."""
