@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -87,6 +88,11 @@ class Arm:
     sizes: tuple[int, ...]
     start: Reals
 
+    @cached_property
+    def _last(self) -> Ints:
+        """Of each body (k,), which of the columns is its angle."""
+        return np.cumsum(self.sizes) - 1
+
     @property
     def places(self) -> Ints:
         """Its columns of coordinates, which are those of velocities."""
@@ -114,8 +120,9 @@ class Arm:
 
     def joints(self, q: Reals) -> Reals:
         """The joints (k,) at a place (n,)."""
-        turned = (q[self.columns] - self.start)[np.cumsum(self.sizes) - 1]
-        return np.diff(turned, prepend=0.0)
+        turned = (q[self.columns] - self.start)[self._last]
+        turned[1:] -= turned[:-1].copy()
+        return np.asarray(turned)
 
     def posed(self, q: Reals, joints: Reals) -> Reals:
         """The place (n,) with the joints at these values (k,)."""

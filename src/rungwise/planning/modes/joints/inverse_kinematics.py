@@ -18,8 +18,12 @@ REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a hinge in one, in radians; damping, in parts
 of the size."""
 POSTURE, RANK = 0.2, 1e-6
-"""Part of the way to their posture that joints go in a step; and sizes of rates, over the greatest, below
-which joints are free of them."""
+"""Part of the way to their posture that joints go in a step; and part of the greatest squares of rates that
+is added to all of them, so that dependent ones count."""
+STALLS, HARDLY = 4, 0.9
+"""Steps in which the gap and the distance from the line must shrink to this part, or no more follow."""
+NEAR = 0.1
+"""How far from the point, in parts of the size, a touch in the plane may be to count as there."""
 BESIDE, CLOSES = 0.5, 8
 """How far beside the point, in parts of the size, an arm of few joints may touch; and steps until it does."""
 STILL = 1e-7
@@ -68,30 +72,52 @@ def first_free(
 
 
 def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
-    """Places (n,) with an arm that touches an object at a point, or elsewhere on the line along the normal:
-    damped least squares on its joints (Nakamura and Hanafusa 1986), from where they are and from others."""
+    """Places (n,) with an arm that touches an object at a point, or elsewhere on the line along the normal,
+    which come last: damped least squares on its joints (Nakamura and Hanafusa 1986), from where they are and
+    from others; in the plane also from before the point."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
     odd = np.arange(len(low)) % 2
     others = BEGUN if arm.hinges.any() else ()
     begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in others)]
-    for joints in begun:
-        found, off = arm.posed(q, joints), np.full(1, np.inf)
-        if len(wanted.point) == 3:
+    in_space, elsewhere = len(wanted.point) == 3, list[Reals]()
+    for k, joints in enumerate(begun if in_space else [*begun[:1], *begun]):
+        found = arm.posed(q, joints)
+        if in_space or k == 1:
             found = _led(around, arm, found, wanted)
-        for _ in range(REACHES):
-            near = around.near(found, wanted.pair)
-            off = np.array([near.gap, *near.across @ (near.point - wanted.point)])
-            if np.abs(off).max() < EXACT * wanted.exact:
-                break
-            own = near.rows[:, arm.columns] @ arm.rates(found)
-            own[1:] *= wanted.sign
-            before, found = found, _stepped(arm, found, own, -off, wanted.size)
-            if np.abs(found - before).max() < STILL:
-                break
+        found, off = _touching(around, arm, found, wanted)
         if np.abs(off).max() < wanted.exact:
-            yield found
-        elif len(wanted.point) == 3 and np.linalg.norm(off[1:]) < BESIDE * wanted.size:
+            if in_space or _is_at(around, found, wanted):
+                yield found
+            else:
+                elsewhere.append(found)
+        elif in_space and np.linalg.norm(off[1:]) < BESIDE * wanted.size:
             yield _closed(around, arm, found, wanted)
+    yield from elsewhere
+
+
+def _touching(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> tuple[Reals, Reals]:
+    """The place (n,) with an arm that is led until it touches on the line along the normal, and what is left:
+    the gap, and the distance from that line."""
+    off, left = np.full(1, np.inf), list[float]()
+    for _ in range(REACHES):
+        near = around.near(q, wanted.pair)
+        off = np.array([near.gap, *near.across @ (near.point - wanted.point)])
+        left.append(float(np.abs(off).max()))
+        stalls = len(left) > STALLS and left[-1] > HARDLY * left[-1 - STALLS]
+        if left[-1] < EXACT * wanted.exact or stalls:
+            break
+        own = near.rows[:, arm.columns] @ arm.rates(q)
+        own[1:] *= wanted.sign
+        before, q = q, _stepped(arm, q, own, -off, wanted.size, left[-1] > wanted.exact)
+        if np.abs(q - before).max() < STILL:
+            break
+    return q, off
+
+
+def _is_at(around: Surroundings, q: Reals, wanted: Reach) -> bool:
+    """Whether the touch is at the point, not on the far side of the object."""
+    away = around.near(q, wanted.pair).point - wanted.point
+    return bool(np.linalg.norm(away) < NEAR * wanted.size)
 
 
 def _closed(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
@@ -112,24 +138,28 @@ def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
     surface, _ = around.outline(wanted.body)(np.arange(0.5, MIDDLE) / MIDDLE)
     tip = surface.mean(axis=0)
     far = float(np.linalg.norm(surface - tip, axis=1).max()) + AHEAD * wanted.size
-    goal, basis = wanted.point + far * wanted.normal, np.eye(3)
+    goal, basis = wanted.point + far * wanted.normal, np.eye(len(tip))
     for _ in range(REACHES):
         centre, turn = frame_of(around.poses(q)[wanted.body])
         off = goal - centre - turn @ tip
         if np.linalg.norm(off) < AHEAD * wanted.size:
             break
-        slope = around.rows(q, wanted.body, np.repeat(tip[None], 3, axis=0), basis)[:, 0]
+        slope = around.rows(q, wanted.body, np.repeat(tip[None], len(tip), axis=0), basis)[:, 0]
         before, q = q, _stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size)
         if np.abs(q - before).max() < STILL:
             break
     return q
 
 
-def _stepped(arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float) -> Reals:
-    """The place (n,) after a damped step of the joints, of which none goes far."""
+def _stepped(
+    arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float, postured: bool = True
+) -> Reals:  # fmt: skip
+    """The place (n,) after a damped step of the joints, of which none goes far, and which leads them to their
+    posture where that is asked."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
     step = slope.T @ np.linalg.solve(slope @ slope.T + (DAMPED * size) ** 2 * np.eye(len(wanted)), wanted)
-    step += to_posture(arm, q, slope)
+    if postured:
+        step += to_posture(arm, q, slope)
     largest = float(np.abs(step[arm.hinges]).max(initial=0.0))
     return arm.posed(q, np.clip(arm.joints(q) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high))
 
@@ -198,4 +228,6 @@ def to_posture(arm: Chain, q: Reals, slope: Reals) -> Reals:
     if arm.posture is None or len(slope) >= slope.shape[1]:
         return np.zeros(slope.shape[1])
     wanted = POSTURE * (arm.posture - arm.joints(q))
-    return np.asarray(wanted - np.linalg.pinv(slope, rcond=RANK) @ (slope @ wanted))
+    square = slope @ slope.T
+    square += RANK * float(np.trace(square)) * np.eye(len(slope))
+    return np.asarray(wanted - slope.T @ np.linalg.solve(square, slope @ wanted))
