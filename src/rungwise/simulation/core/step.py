@@ -241,10 +241,13 @@ def _take_over(trial: Trial) -> None:
 @inner_kernel
 def solve_assembled(trial: Trial, convex: bool) -> int:
     """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
-    the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are."""
+    the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are. None
+    where the step is to be given up: each of many tries would go on for a while."""
     terms, state, scratch, problem = trial.terms, trial.state, trial.scratch, trial.problem
     sizes, d = sizes_in(trial), state.force.shape[1]
     _, contacts, limited = sizes
+    if scratch.halt[0] != 0:
+        return NO_SOLUTION
     state.clock[0].solves += 1
     for k in range(contacts):
         slot = scratch.slots[k]

@@ -32,12 +32,13 @@ def _seek(
     workspace: Workspace,
     q: Reals,
     within: float,
+    only: int,
     contacts: int,
     poses: Reals,
     acting: Reals,
 ) -> int:
-    """Place the bodies at q (n,) and gather what is nearer than `within`; returns how many contacts that are,
-    of so many slots. Write poses (b, 3), and what acts (n,)."""
+    """Place the bodies at q (n,) and gather what is nearer than `within`, of pair `only` unless that is
+    negative; returns how many contacts that are, of so many slots. Write poses (b, 3), and what acts (n,)."""
     state = workspace.state
     copy(q, state.q)
     features = state.manifolds.features
@@ -47,6 +48,9 @@ def _seek(
     clock.margin, clock.tried, clock.next, clock.near = math.inf, 0.0, 0.0, within
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
+    for p in range(records.pairs.shape[0] if only >= 0 else 0):
+        if records.pairs[p].contact != only:
+            features[2 * p] = features[2 * p + 1] = ABSENT
     count, found = gather(records, workspace), 0
     while found < count and workspace.scratch.slots[found] < contacts:
         found += 1
@@ -85,13 +89,12 @@ class PlanarSurroundings:
         return self.owners
 
     def near(self, q: Reals, pair: int) -> Near:
-        found = self.touches(q, math.inf)
-        rows = np.flatnonzero(found.pairs == pair)
-        k = rows[found.gaps[rows].argmin()]
+        found = self._touches(q, math.inf, pair)
+        k = int(found.gaps.argmin())
         return Near(
             float(found.gaps[k]), found.points[k], found.normals[k],
             np.array([[found.normals[k, 1], -found.normals[k, 0]]]), found.rows[k],
-            float(found.friction[rows].max()),
+            float(found.friction.max()),
         )  # fmt: skip
 
     def least(self, q: Reals, pairs: Ints) -> Reals:
@@ -114,10 +117,16 @@ class PlanarSurroundings:
         return found
 
     def touches(self, q: Reals, within: float) -> Touches:
+        return self._touches(q, within, -1)
+
+    def _touches(self, q: Reals, within: float, only: int) -> Touches:
+        """What touches, of one pair unless that is negative."""
         records, state, terms = self._records, self._workspace.state, self._workspace.terms
         poses, acting = np.empty((len(records.bodies), 3)), np.zeros(len(q))
         count = int(
-            _seek(records, self._workspace, np.ascontiguousarray(q), within, self._contacts, poses, acting)
+            _seek(
+                records, self._workspace, np.ascontiguousarray(q), within, only, self._contacts, poses, acting
+            )
         )
         slots = self._workspace.scratch.slots[:count]
         pairs, points = slots // 2, state.manifolds.points[slots]

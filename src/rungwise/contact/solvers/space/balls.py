@@ -78,7 +78,7 @@ def solve_with_balls(
         if turn > 0 and woken == 0:
             break
         found = _solve_awake(problem, sizes, unknowns, touched, awake, lead, halt)
-        if not found <= _ENOUGH:
+        if not found <= _ENOUGH or halt[0] != 0:
             return math.inf
         woken = _wake(problem, contacts, touched, v, awake)
     tell_modes(problem, sizes, touched, unknowns)

@@ -12,7 +12,7 @@ from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints, supports
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.find_contacts import find_contacts
-from rungwise.system.planar.manifold import LANDED, LIFTED
+from rungwise.system.planar.manifold import ABSENT, GAP, LANDED, LIFTED
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import Terms
@@ -85,7 +85,7 @@ def gather(records: Records, workspace: Workspace) -> int:
     state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
     contacts = _gather(records, workspace)
     while contacts == planar.FULL and state.clock[0].near > 0.0:
-        near = 0.5 * state.clock[0].near
+        near = 0.5 * min(state.clock[0].near, _farthest(state))
         state.clock[0].near = near if near > workspace.terms.rounding[0] else 0.0
         contacts = _gather(records, workspace)
     contacts = max(contacts, 0)
@@ -97,6 +97,16 @@ def gather(records: Records, workspace: Workspace) -> int:
         records, state.placed.pose, state.q, contacts, 2 * records.pairs.shape[0] + 2 * n, workspace.terms,
         scratch.slots, scratch.row,
     )  # fmt: skip
+
+
+@rare_kernel
+def _farthest(state: State) -> float:
+    """The greatest gap of a contact."""
+    features, points, farthest = state.manifolds.features, state.manifolds.points, 0.0
+    for slot in range(features.shape[0]):
+        if features[slot] != ABSENT:
+            farthest = max(farthest, points[slot, GAP])
+    return float(farthest)
 
 
 @inner_kernel
