@@ -22,8 +22,8 @@ CELLS = 1.0 / 3.0
 """A contact keeps its number while it is in the same cell of a geom: beyond this part of its half width on
 either side, or between, along each axis."""
 ALONG, MOST = 1e-3, 4
-"""How far normals may differ of contacts of one pair of bodies of which only those farthest apart are kept;
-and how many these are."""
+"""How far normals may differ of contacts of one pair of bodies of which only those are kept between which the
+others lie, nearly; and how many these are."""
 
 
 class SpatialSurroundings:
@@ -267,7 +267,8 @@ def across(normal: Reals) -> tuple[Reals, Reals]:
 
 
 def _spread(pairs: Ints, points: Reals, normals: Reals) -> Ints:
-    """Of contacts (k,), at most so many of one pair of bodies with the same normal: those farthest apart."""
+    """Of contacts (k,), at most so many of one pair of bodies with the same normal: two far apart, and on
+    either side the one farthest from the line through both, so that what they support stands as on all."""
     kept, left = list[int](), list(range(len(pairs)))
     while left:
         first = left[0]
@@ -277,11 +278,15 @@ def _spread(pairs: Ints, points: Reals, normals: Reals) -> Ints:
         ]  # fmt: skip
         left = [k for k in left if k not in alike]
         if len(alike) > MOST:
-            middle = points[alike].mean(axis=0)
-            picked = [int(np.linalg.norm(points[alike] - middle, axis=1).argmax())]
-            while len(picked) < MOST:
-                away = np.linalg.norm(points[alike][:, None] - points[alike][picked], axis=2).min(axis=1)
-                picked.append(int(away.argmax()))
-            alike = [alike[k] for k in sorted(picked)]
+            alike = [alike[k] for k in _widest(points[alike], normals[first])]
         kept += alike
     return np.array(sorted(kept), np.int64)
+
+
+def _widest(points: Reals, normal: Reals) -> list[int]:
+    """See `_spread`, of points (k, 3) in a plane."""
+    first = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
+    ways = points - points[first]
+    second = int(np.linalg.norm(ways, axis=1).argmax())
+    aside = np.cross(ways[second], ways) @ normal
+    return sorted({first, second, int(aside.argmax()), int(aside.argmin())})
