@@ -213,7 +213,7 @@ class Scene:
             laid.levels[None],
             laid.durations[None],
             ramps=laid.ramps,
-            patient=predictor.stage.model.inertia > 0.0,
+            patient=predictor.stage.model.inertia > 0.0 or ground.around.dimension > 2,
         )
         outcome, count = Code(int(ends.outcome[0])), len(laid.durations)
         places = ends.places
