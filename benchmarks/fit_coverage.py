@@ -32,15 +32,21 @@ FRAMES, PUSHED, FLOWN = 0.004, 0.02, 0.01
 FALL, PUSH_FRAMES, BALL_FRAMES = 24, 20, 12
 """Frames of them: an impact or two, and a way of 2 cm."""
 
+
+def ranged(**given: tuple[float, float, float]) -> dict[str, Any]:
+    """Parameters by their defaults and ranges."""
+    return {name: {"default": value, "range": [low, high]} for name, (value, low, high) in given.items()}
+
+
 DROP: dict[str, Any] = {
     "name": "drop",
-    "parameters": {
-        "mu": {"default": 0.5, "range": [0.0, 1.0]},
-        "e": {"default": 0.5, "range": [0.0, 1.0]},
-        "K": {"default": 1e5, "range": [1e4, 1e6]},
-        "C": {"default": 100.0, "range": [10.0, 1000.0]},
-        "mass": {"default": 1.0, "range": [0.1, 10.0]},
-    },
+    "parameters": ranged(
+        mu=(0.5, 0.0, 1.0),
+        e=(0.5, 0.0, 1.0),
+        K=(1e5, 1e4, 1e6),
+        C=(100.0, 10.0, 1000.0),
+        mass=(1.0, 0.1, 10.0),
+    ),
     "gravity": [0, -9.81],
     "bodies": {
         "part": {
@@ -60,13 +66,10 @@ DROP: dict[str, Any] = {
 }
 PUSH: dict[str, Any] = {
     "name": "slow_push",
-    "parameters": {
-        "mu": {"default": 0.3, "range": [0.0, 1.0]},
-        "c": {"default": 0.03, "range": [0.005, 0.06]},
-        "centre": {"default": 0.0, "range": [-0.02, 0.02]},
-        "K": {"default": 1e6, "range": [1e5, 1e8]},
-        "y": {"default": 0.0, "range": [-0.04, 0.04]},
-    },
+    "parameters": ranged(
+        mu=(0.3, 0.0, 1.0), c=(0.03, 0.005, 0.06), centre=(0.0, -0.02, 0.02), K=(1e6, 1e5, 1e8),
+        y=(0.0, -0.04, 0.04),
+    ),
     "bodies": {
         "rod": {
             "role": "robot",
@@ -93,12 +96,9 @@ PUSH: dict[str, Any] = {
 }  # fmt: skip
 STROKE: dict[str, Any] = {
     "name": "stroke",
-    "parameters": {
-        "ratio": {"default": 1.0, "range": [0.1, 10.0]},
-        "e": {"default": 0.5, "range": [0.0, 1.0]},
-        "mu": {"default": 0.2, "range": [0.0, 1.0]},
-        "scale": {"default": 1.0, "range": [0.1, 10.0]},
-    },
+    "parameters": ranged(
+        ratio=(1.0, 0.1, 10.0), e=(0.5, 0.0, 1.0), mu=(0.2, 0.0, 1.0), scale=(1.0, 0.1, 10.0)
+    ),
     "bodies": {
         "cue": {
             "role": "object",

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,6 +141,88 @@ def test_friction_of_an_adhesive_contact_knows_the_pull(side: float) -> None:
     stepper = Stepper(ball, rw.DYNAMIC_RIGID, 1e-3)
     stepper.run(0.01)
     assert (stepper.v[0] == pytest.approx(0.0, abs=1e-9)) == (side < 1.0)
+
+
+# A law of contact that scenes name: one file, and its name in the list of laws. Here magnets, whose pull
+# falls with the gap. The package is copied, and its kernels are plain Python.
+
+_MAGNET = '''
+"""Magnets: each point of contact pulls with a force that falls to nothing as its gap grows to the range."""
+
+from typing import ClassVar
+
+from rungwise.kernel import Record, inner_kernel
+from rungwise.scene.fields.laws.law import Carried, Law, Lawful
+from rungwise.scene.fields.values import Number
+
+
+@inner_kernel
+def pull(contact: Record, gap: float, _pushed: bool) -> float:
+    return float(contact.magnet * max(0.0, 1.0 - max(0.0, gap) / contact.magnet_range))
+
+
+@inner_kernel
+def reach(contact: Record) -> float:
+    return float(contact.magnet_range)
+
+
+class Magnet(Lawful):
+    """See the module."""
+
+    magnet: Number | None = None
+    magnet_range: Number = 0.01
+
+    law: ClassVar[Law] = Law(
+        title="magnet",
+        about="magnet, magnet_range: pull at no gap, and the gap at which there is none.",
+        numbers=(
+            Carried("magnet", lambda _contact, _tolerance: 0.0),
+            Carried("magnet_range", lambda _contact, _tolerance: 0.01, above=0.0),
+        ),
+        pull=pull,
+        reach=reach,
+    )
+'''
+
+_HANGS = """
+import rungwise as rw
+from rungwise.world.find import world_of
+
+def ends(gap, model, **laws):
+    s = rw.SceneBuilder("magnet", gravity=[0, -10], goal="body.y <= -1", duration=0.6, step=1e-3)
+    up = rw.parts.slide([0, 1], name="y")
+    s.body("body", "object", rw.parts.disc(0.1), pose=(0, -0.1 - gap), mass=1.0, motion=up)
+    s.body("ceiling", "obstacle", rw.parts.halfplane([0, -1]))
+    s.contact("body", "ceiling", stiffness=1e6, damping=1e3, **laws)
+    scene = s.load()
+    world = world_of(scene)
+    assert ("magnet 30" in world.described(world.describe(scene.parameters()))) == bool(laws)
+    return str(rw.simulate(scene, model).outcome)
+
+print(rw.__file__)
+for model in ("dynamic-rigid", "dynamic-compliant"):
+    print(ends(0.005, model, magnet=30.0), ends(0.008, model, magnet=30.0), ends(0.005, model))
+"""
+
+
+def test_a_law_of_contact(tmp_path: Path) -> None:
+    """A body jumps up to the ceiling from where the pull is above its weight, and falls from below."""
+    package = tmp_path / "rungwise"
+    shutil.copytree(Path(rw.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__", "*.xml"))
+    laws = package / "scene" / "fields" / "laws"
+    (laws / "magnet.py").write_text(_MAGNET, "utf-8")
+    text = (laws / "contact.py").read_text("utf-8")
+    text = text.replace("class Contact(\n", "class Contact(\n    Magnet,\n")
+    first = "from rungwise.scene.fields.laws.law import"
+    own = "from rungwise.scene.fields.laws.magnet import Magnet\n"
+    (laws / "contact.py").write_text(text.replace(first, f"{own}{first}", 1), "utf-8")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", _HANGS], env=environment, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(package) in done.stdout
+    assert done.stdout.split("\n")[1:] == ["timeout goal goal"] * 2 + [""]
 
 
 # A planner, and a repair: functions, and their places in PLANNERS and REPAIRS.

@@ -69,8 +69,8 @@ def test_numbers_follow_parameters_and_patterns_hold_in_order() -> None:
     assert first.press == (0.05, 2.0)
     assert first.within.tolist() == [[-0.5, -1.0], [0.5, 1.0]]  # y as far as the inputs lead it
     assert (first.contacts, first.reserve, first.over, first.is_rigid) == (2, 0.3, True, False)
-    assert first.driven.stiffness.tolist() == [1e3, 1e3]
-    assert first.driven.limit.tolist() == [20.0, 20.0]
+    assert first.driven.servos.stiffness.tolist() == [1e3, 1e3]
+    assert first.driven.servos.limit.tolist() == [20.0, 20.0]
     assert (second.contacts, second.reserve, second.over) == (1, 0.1, False)
 
 

@@ -150,7 +150,7 @@ class Scene(AnyScene):
             return f"bodies.{body}.coordinates.{coordinate}"
         if fault in (faults.NOT_CONVEX, faults.NO_NORMAL):
             return f"bodies.{template.bodies[int(records.shapes[index]['body'])]}.shape"
-        if fault in (faults.NOT_POSITIVE, faults.NOT_ABOVE):
+        if fault == faults.NOT_POSITIVE or fault >= faults.REFUSED:
             return f"contacts between {' and '.join(template.contacts[index])}"
         if fault in (faults.NO_AREA, faults.NO_WEIGHT):
             return f"bodies.{template.bodies[int(records.supports[index]['body'])]}.support.pressure"

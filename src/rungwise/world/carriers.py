@@ -36,17 +36,39 @@ class Link(NamedTuple):
     upper: float
 
 
+class Linear(NamedTuple):
+    """What k numbers are of as many inputs: matrix (k, k) @ inputs + zero (k,)."""
+
+    matrix: Reals
+    zero: Reals
+
+    def at(self, inputs: Reals) -> Reals:
+        """The numbers (k,) at inputs (k,)."""
+        return np.asarray(self.matrix @ inputs + self.zero)
+
+    def inputs(self, wanted: Reals) -> Reals:
+        """The inputs (m, k) at which they are these (m, k)."""
+        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
+
+
+class Servos(NamedTuple):
+    """Stiffness and limit (k,) of the servos that place a robot, in force per place and in force, infinite
+    where speeds are given."""
+
+    stiffness: Reals
+    limit: Reals
+
+
 @dataclass(frozen=True)
 class Driven:
     """How inputs place a robot.
 
     body: the robot; places (k,): the coordinates that place it: x and y in the plane, joints in space;
     columns (u,): the inputs that drive these. Their speeds, or with `by_place` the targets of their servos,
-    are matrix (k, u) @ inputs + zero (k,), with u = k. stiffness, limit (k,): of the servos, in force per
-    place and in force, infinite where speeds are given; reach: how far the body reaches from its centre.
-    In space `rates` (k,) are the columns of the joints' velocities, `slides` (k,) says which of these are no
-    hinges, `levers` (k,) how far the body reaches from their axes, 1 for slides, and `travel` (2, k) is their
-    range.
+    are `led` by the inputs, with u = k. `servos`: how strong they are; reach: how far the body
+    reaches from its centre. In space `rates` (k,) are the columns of the joints' velocities, `slides` (k,)
+    says which of these are no hinges, `levers` (k,) how far the body reaches from their axes, 1 for slides,
+    and `travel` (2, k) is their range.
     A robot of joints in the plane has its `links` (k,), from the ground on, which then take the part of
     places in all of these, and `home` (3,): the pose of its centre of mass where all joints are at 0; its
     `places` are those of its body's x and y all the same.
@@ -55,11 +77,9 @@ class Driven:
     body: str
     places: tuple[int, ...]
     columns: tuple[int, ...]
-    matrix: Reals
-    zero: Reals
+    led: Linear
     by_place: bool
-    stiffness: Reals
-    limit: Reals
+    servos: Servos
     reach: float
     links: tuple[Link, ...]
     home: Reals
@@ -70,8 +90,7 @@ class Driven:
 
     def levels(self, speeds: Reals, places: Reals) -> Reals:
         """Inputs (m, u) that lead it at these speeds (m, k), or to these places (m, k)."""
-        wanted = places if self.by_place else speeds
-        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
+        return self.led.inputs(places if self.by_place else speeds)
 
     def poses(self, joints: Reals) -> Reals:
         """Poses (m, 3) of its centre of mass in the plane, with its `links` at these places (m, k)."""

@@ -29,6 +29,11 @@ class of_scene(Generic[Made]):
         return partial(self._made, world.scene)
 
 
+def _of_bound(name: str) -> Any:
+    """A property of an instance that is a number of what is bound."""
+    return property(lambda instance: float(getattr(instance.bound, name)))
+
+
 class BoundInstance(ABC):
     """A scene at one set of parameters (see `world.contract.Instance`), where nothing lies on
     supports unless its world knows of some."""
@@ -51,17 +56,7 @@ class BoundInstance(ABC):
     def v(self) -> Reals:
         return self._start[1]
 
-    @property
-    def duration(self) -> float:
-        return float(self.bound.duration)
-
-    @property
-    def step(self) -> float:
-        return float(self.bound.step)
-
-    @property
-    def tolerance(self) -> float:
-        return float(self.bound.tolerance)
+    duration, step, tolerance = (_of_bound(name) for name in ("duration", "step", "tolerance"))
 
     @property
     def stops(self) -> Reals | None:

@@ -60,8 +60,9 @@ def stiffer(last: Round) -> Round:
 
 
 @inner_kernel
-def next_round(last: Round, found: float) -> Round:
+def next_round(last: Round, found: float, sizes: Sizes, unknowns: Unknowns, centre: Reals) -> Round:
     """The round after one of this residual: about other forces, and softer where they gained little."""
+    collect(sizes, unknowns, centre)
     lowered = found > 0.1 * last.before
     return Round(max(0.01 * last.rho, LEAST) if lowered else last.rho, not lowered, found, lowered)
 
@@ -124,17 +125,13 @@ def solve_proximal(
             if last.rho >= MOST or halt[0] != 0:
                 break
             last = stiffer(last)
-            for i in range(n):
-                v[i] = 0.0
-            spread(sizes, centre, unknowns)
+            return_to(sizes, centre, unknowns)
             continue
         found = residual(problem, sizes, unknowns)
         rests = change_of_force(sizes, unknowns, centre) <= STILL
-        rests &= exertion(problem, sizes, unknowns) <= WEDGED
-        if rests and is_final(found, last, enough):
+        if rests and exertion(problem, sizes, unknowns) <= WEDGED and is_final(found, last, enough):
             return found
-        collect(sizes, unknowns, centre)
-        last = next_round(last, found)
+        last = next_round(last, found, sizes, unknowns, centre)
     return math.inf
 
 
@@ -268,6 +265,14 @@ def spread(sizes: Sizes, centre: Reals, unknowns: Unknowns) -> None:
     rows = 2 * sizes.contacts
     copy(centre[:rows], unknowns.force[:rows])
     copy(centre[rows : rows + sizes.limited], unknowns.tau[: sizes.limited])
+
+
+@inner_kernel
+def return_to(sizes: Sizes, centre: Reals, unknowns: Unknowns) -> None:
+    """Begin again at rest with the forces of the centre."""
+    for i in range(sizes.n):
+        unknowns.v[i] = 0.0
+    spread(sizes, centre, unknowns)
 
 
 @inner_kernel

@@ -282,7 +282,7 @@ class Scene:
         for finger in self.fingers:
             carrier = finger.carrier
             if carrier.by_place:
-                found = finger.put(found, carrier.matrix @ levels[list(carrier.columns)] + carrier.zero)
+                found = finger.put(found, carrier.led.at(levels[list(carrier.columns)]))
         return found
 
 

@@ -86,7 +86,7 @@ class Writer:
                 )
             elif finger.carrier.by_place:
                 torques = wanted[finger.moved] @ finger.rates(q)
-                found = finger.put(found, finger.drives(q) + torques / finger.carrier.stiffness)
+                found = finger.put(found, finger.drives(q) + torques / finger.carrier.servos.stiffness)
         return found
 
     def _relocated(self, seen: Seen, leg: Leg, held: Ints, seed: int, budget: Budget) -> bool:

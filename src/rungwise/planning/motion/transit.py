@@ -141,6 +141,6 @@ class Transit:
             return np.full(2, -math.inf), np.full(2, math.inf)
         columns = list(carrier.columns)
         ends = np.stack([self._task.low[columns], self._task.high[columns]])
-        middle, half = carrier.matrix @ ends.mean(axis=0) + carrier.zero, np.ptp(ends, axis=0) / 2.0
-        reach = np.abs(carrier.matrix) @ half
+        middle, half = carrier.led.at(ends.mean(axis=0)), np.ptp(ends, axis=0) / 2.0
+        reach = np.abs(carrier.led.matrix) @ half
         return middle - reach, middle + reach

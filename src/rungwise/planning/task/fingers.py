@@ -256,7 +256,7 @@ def _levers(own: Driven) -> Reals:
     if own.levers:
         return np.array(own.levers)
     arms = [1.0 if link.slides else math.dist(link.at, own.home[:2]) + own.reach for link in own.links]
-    return np.array(arms or [1.0] * len(own.matrix))
+    return np.array(arms or [1.0] * len(own.led.matrix))
 
 
 def _speed(task: Task, here: Instance, own: Driven) -> float:
@@ -266,7 +266,7 @@ def _speed(task: Task, here: Instance, own: Driven) -> float:
     if not own.by_place:
         rate = np.maximum(np.abs(low), np.abs(high))
     rate = np.where(np.isfinite(rate), rate, (high - low) / (CROSSES * here.duration))
-    return float((_levers(own) * (np.abs(own.matrix) @ rate)).min())
+    return float((_levers(own) * (np.abs(own.led.matrix) @ rate)).min())
 
 
 def _press(
@@ -290,13 +290,13 @@ def _press(
     if load > 0.0 and _limit(own) > LEAST_PRESS * load:
         return LEAST_PRESS * load, min(MOST_PRESS * load, _limit(own))
     levers = _levers(own)
-    most = min(_limit(own), float((own.stiffness / levers**2).min()) * own.reach)
+    most = min(_limit(own), float((own.servos.stiffness / levers**2).min()) * own.reach)
     return LEAST_PRESS / MOST_PRESS * most, most
 
 
 def _limit(own: Driven) -> float:
     """The greatest force that its servos push with in any direction."""
-    return float((own.limit / _levers(own)).min())
+    return float((own.servos.limit / _levers(own)).min())
 
 
 def _within(task: Task, own: Driven, path: str) -> Reals:
@@ -306,7 +306,7 @@ def _within(task: Task, own: Driven, path: str) -> Reals:
     if own.by_place and not own.links and size == 2:
         columns = list(own.columns)
         ends = np.stack([task.low[columns], task.high[columns]])
-        middle, reach = own.matrix @ ends.mean(axis=0) + own.zero, np.abs(own.matrix) @ np.ptp(ends, axis=0)
+        middle, reach = own.led.at(ends.mean(axis=0)), np.abs(own.led.matrix) @ np.ptp(ends, axis=0)
         found = np.stack([middle - reach / 2.0, middle + reach / 2.0])
     for k, axis in enumerate("xyz"[:size]):
         if f"{path}.within.{axis}.0" not in task.numbers:

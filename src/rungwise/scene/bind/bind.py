@@ -11,16 +11,17 @@ import math
 from rungwise.kernel import Reals, Record, RecordArray, kernel
 from rungwise.scene.bind.pressure import press
 from rungwise.scene.bind.solids import mass, outline, width
+from rungwise.scene.fields.laws.contact import refused
 from rungwise.scene.template.faults import (
     BOUND,
     NO_AXIS,
     NO_INERTIA,
     NO_JOINT_AXIS,
     NO_MASS,
-    NOT_ABOVE,
     NOT_POSITIVE,
     OUT_OF_RANGE,
     OUT_OF_TRAVEL,
+    REFUSED,
 )
 from rungwise.scene.template.numbers import evaluate_numbers, out_of_bounds
 from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED, Records
@@ -43,8 +44,9 @@ def bind(
         definite = c.coupling_stiffness**2 < c.stiffness * c.tangential_stiffness
         if not (definite and c.coupling_damping**2 <= c.damping * c.tangential_damping):
             return NOT_POSITIVE, k
-        if c.static_friction < c.friction:
-            return NOT_ABOVE, k
+        law = refused(c)
+        if law >= 0:
+            return REFUSED + law, k
     fault, place = _derive(records)
     if fault == BOUND:
         fault, place = _supports(records)

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from rungwise.keywords import keywords
+from rungwise.keywords import KeywordError, keywords
 from rungwise.scene.builder.parts import Number, Pair, Part, part
 from rungwise.scene.builder.symbol import Symbol
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.laws.contact import LAWS, OWN
 from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import Scene, load
+from rungwise.wording import choices
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 DRIVES = ("speed", "servo", "force")
+
+
+def _with_laws(method: F) -> F:
+    """The method with the fields of the laws of contact in its signature and description."""
+    own = inspect.signature(method)
+    given = [each for each in own.parameters.values() if each.kind != each.VAR_KEYWORD]
+    laws = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in OWN]
+    method.__signature__ = own.replace(parameters=given + laws)  # type: ignore[attr-defined]
+    lines = "".join(f"    {law.about}\n        " for law in LAWS)
+    method.__doc__ = f"{method.__doc__}{lines}"
+    return method
 
 
 class SceneBuilder:
@@ -169,6 +185,7 @@ class SceneBuilder:
         self.joints[name] = part(None, given)
 
     @keywords
+    @_with_laws
     def contact(
         self,
         one: str,
@@ -182,28 +199,24 @@ class SceneBuilder:
         tangential_damping: Number | None = None,
         coupling_stiffness: Number | None = None,
         coupling_damping: Number | None = None,
-        static_friction: Number | None = None,
-        yield_speed: Number | None = None,
-        adhesion: Number | None = None,
-        adhesion_range: Number | None = None,
-        impact: str | None = None,
+        **laws: Number | None,
     ) -> None:
         """Add an entry of bodies that may touch; the first entry that fits a pair applies.
 
         Args:
             one, other: names of bodies; ``*`` matches any part of a name.
             friction: Coulomb coefficient.
-            restitution, impact: of rigid impacts, and whether it is "newton" (of speeds) or "poisson" (of
-                impulses).
+            restitution: of rigid impacts.
             stiffness, damping: normal, on compliant rungs.
             tangential_stiffness, tangential_damping: tangential; as the normal ones if not given.
             coupling_stiffness, coupling_damping: off the diagonal.
-            static_friction: coefficient up to which a contact that sticks holds.
-            yield_speed: speed of approach above which restitution falls.
-            adhesion, adhesion_range: pull of each contact point, and the greatest gap at which it pulls.
         """
-        fields = {key: value for key, value in locals().items() if key not in ("self", "one", "other")}
-        self.contacts.append(part(None, {"between": [one, other]} | fields))
+        fields = {k: x for k, x in locals().items() if k not in ("self", "one", "other", "laws")}
+        for name in laws:
+            if name not in OWN:
+                known = (*fields, *OWN)
+                raise KeywordError(f"SceneBuilder.contact: unknown keyword {name!r}{choices(name, known)}")
+        self.contacts.append(part(None, {"between": [one, other]} | fields | laws))
 
     @keywords
     def potential(

@@ -1,4 +1,5 @@
-"""The fields of a scene file: bodies, motion, drives, contacts, goal (pydantic models); shapes in `shapes`.
+"""The fields of a scene file: bodies, motion, drives, contacts, goal (pydantic models); shapes in `shapes`,
+contacts in `laws`.
 
 Every `Number` is a number or an expression of the scene's parameters (see `expression`); numbers marked
 *timed* may also use the time ``t``. Units are the scene's own, as long as they are
@@ -14,10 +15,11 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from rungwise.scene.fields.kinds import kinds
+from rungwise.scene.fields.laws.contact import Contact
 from rungwise.scene.fields.shapes import Shape, Shapes
 from rungwise.scene.fields.strict import Strict
 from rungwise.scene.fields.task import Task
-from rungwise.scene.fields.values import Finite, Name, Number, Pair, Pattern, Text, Unit, of_dimension
+from rungwise.scene.fields.values import Finite, Name, Number, Pair, Text, Unit, of_dimension
 from rungwise.scene.language.units import Conversion, conversions
 
 
@@ -265,37 +267,6 @@ class Joint(Strict):
                 raise PydanticCustomError(
                     "joint", f"{prefix}damping: what is rigid has none; give a finite {prefix}stiffness"
                 )
-        return self
-
-
-class Contact(Strict):
-    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds.
-
-    Laws that are off unless they are named: `static_friction` holds what does not slide, `friction` acts on
-    what does; restitution falls above `yield_speed`, as its power -1/4 (Johnson 1985); each point of contact
-    pulls with `adhesion` while its gap is at most `adhesion_range` (Derjaguin, Muller and Toporov 1975);
-    `impact` says whether restitution is Newton's, of speeds, or Poisson's, of impulses.
-    """
-
-    between: tuple[Pattern, Pattern]
-    friction: Number = 0.0
-    restitution: Number = 0.0
-    stiffness: Number = 1e6
-    damping: Number = 0.0
-    tangential_stiffness: Number | None = None
-    tangential_damping: Number | None = None
-    coupling_stiffness: Number = 0.0
-    coupling_damping: Number = 0.0
-    static_friction: Number | None = None
-    yield_speed: Number | None = None
-    adhesion: Number | None = None
-    adhesion_range: Number | None = None
-    impact: Literal["newton", "poisson"] = "newton"
-
-    @model_validator(mode="after")
-    def _has_what_its_laws_need(self) -> Contact:
-        if self.adhesion_range is not None and self.adhesion is None:
-            raise PydanticCustomError("contact", "adhesion_range needs adhesion, a force")
         return self
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from rungwise.scene.drawings.outline import convex_pieces
 from rungwise.scene.errors import SceneError
-from rungwise.scene.fields.fields import Contact, Coordinate, Hinge, SceneFile, Slide, conversions_of
+from rungwise.scene.fields.fields import Coordinate, Hinge, SceneFile, Slide, conversions_of
+from rungwise.scene.fields.laws.contact import CHOICES, LAWS, Contact, named_by
 from rungwise.scene.fields.shapes import Outline, Polygon, Shape
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import Number, Pair, shown
@@ -288,20 +289,13 @@ class _Builder:
     def _laws(self, index: int, path: str, contact: Contact) -> None:
         """What the scene names beside the common laws of contact, and the numbers that leave those as they
         are."""
-        if contact.impact == "poisson":
-            self.records.contacts[index]["laws"] |= rec.POISSON
-        reach = self.scene.tolerance if contact.adhesion_range is None else contact.adhesion_range
-        for law, field, value, otherwise, above, infinite in (
-            (rec.ADHERES, "adhesion", contact.adhesion, 0.0, None, False),
-            (rec.ADHERES, "adhesion_range", reach, 0.0, 0.0, False),
-            (rec.FADES, "yield_speed", contact.yield_speed, INF, 0.0, True),
-            (rec.STICKS, "static_friction", contact.static_friction, contact.friction, None, False),
-        ):
-            if value is not None and field != "adhesion_range":
-                self.records.contacts[index]["laws"] |= law
+        self.records.contacts[index]["laws"] = named_by(contact)
+        for number in (number for law in LAWS for number in law.numbers):
+            given = getattr(contact, number.field)
+            value = number.otherwise(contact, self.scene.tolerance) if given is None else given
             self.put(
-                "contacts", index, field, otherwise if value is None else value, f"{path}.{field}",
-                above=above, at_least=0.0, infinite=infinite,
+                "contacts", index, number.field, value, f"{path}.{number.field}",
+                above=number.above, at_least=0.0, infinite=number.infinite,
             )  # fmt: skip
 
     def _raised(self, index: int, pair: tuple[str, str]) -> None:
@@ -332,7 +326,7 @@ class _Builder:
         used = {entry for _, entry, _ in self.matched}
         for entry, contact in enumerate(self.scene.contacts):
             for field, value in contact:
-                if entry not in used and field != "impact" and isinstance(value, str):
+                if entry not in used and field not in CHOICES and isinstance(value, str):
                     self.names.number(value, f"contacts.{entry}.{field}")
 
     def _potential(self, index: int) -> None:

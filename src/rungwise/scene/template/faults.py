@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rungwise.scene.fields.laws.contact import LAWS
+
 (
     BOUND,
     OUT_OF_RANGE,
@@ -16,7 +18,7 @@ from __future__ import annotations
     NO_AREA,
     NO_WEIGHT,
     OVERHANGS,
-    NOT_ABOVE,
+    REFUSED,
 ) = range(14)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
@@ -31,8 +33,7 @@ FAULTS = {
     NO_WEIGHT: "one of the weights must be greater than 0",
     OVERHANGS: "no pressure under the body has its centre there: it must be within the convex hull of the"
     " shapes, or of the points of the pressure",
-    NOT_ABOVE: "static_friction must be at least friction",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
-}
-"""Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
-coordinate, joint, contact or support."""
+} | {REFUSED + k: law.refusal for k, law in enumerate(LAWS)}
+"""Fault of a binding -> what is wrong, from REFUSED on by a law of contact; the second number of a fault is
+the index of check, shape, body, coordinate, joint, contact or support."""

@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from rungwise.scene.errors import SceneError
-from rungwise.scene.fields.fields import Contact, SceneFile
+from rungwise.scene.fields.fields import SceneFile
+from rungwise.scene.fields.laws.contact import Contact
 from rungwise.scene.fields.shapes import HalfPlane, Shape
 from rungwise.scene.fields.values import shown
 from rungwise.wording import choices

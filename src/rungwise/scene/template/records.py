@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 from rungwise.kernel import record_type
+from rungwise.scene.fields.laws.contact import LAWS
 
 FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
 NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
 ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
 UNIFORM, RING, POINTS, RATIO = 0, 1, 2, 3
-ADHERES, FADES, STICKS, POISSON = 1, 2, 4, 8
 
 WORLD = record_type("", "gravity_x gravity_y tolerance duration step")
 BODY = record_type(
@@ -48,12 +48,11 @@ CONTACT = record_type(
     "body_a body_b watched weighed lifts laws",
     "friction restitution stiffness tangential_stiffness coupling_stiffness"
     " damping tangential_damping coupling_damping raised"
-    " adhesion adhesion_range yield_speed static_friction",
+    + "".join(f" {number.field}" for law in LAWS for number in law.numbers),
 )
 """`watched`: some condition reads the gap; `weighed`: some condition reads the force; `lifts`:
 one of the bodies may be raised off the plane; `raised`: how high it is: above 0, they do not touch; `laws`:
-the sum of those of ADHERES, FADES, STICKS and POISSON that the scene names; yield_speed and
-static_friction: infinite and `friction` where it names none."""
+the sum of the bits of the laws that the scene names, whose numbers come last (see `fields.laws.contact`)."""
 PAIR = record_type("contact shape_a shape_b", "")
 POTENTIAL = record_type("", "stiffness target")
 TERM = record_type("acts", "factor")

@@ -13,7 +13,8 @@ from rungwise.models.assemble import Step, assemble
 from rungwise.models.entries import Velocities
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene.template.records import ADHERES, POISSON, SPEED, STICKS
+from rungwise.scene.fields.laws.contact import LAWS, ROUGH
+from rungwise.scene.template.records import SPEED
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
@@ -21,6 +22,7 @@ from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
+from rungwise.wording import listed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,11 +75,9 @@ class Assembly:
                 "support, or dry_friction along several coordinates of a body: no law that is differentiated"
                 " yet; leave it out, or give dry_friction along one"
             )
-        if simulation.workspace.state.clock[0]["laws"] & (ADHERES | STICKS | POISSON):
-            raise ModelError(
-                "contacts: adhesion, static_friction and impact: poisson are no laws that are differentiated;"
-                " leave them out"
-            )
+        if simulation.workspace.state.clock[0]["laws"] & ROUGH:
+            rough = listed(law.title for law in LAWS if not law.is_smooth)
+            raise ModelError(f"contacts: steps are not differentiated with {rough}; leave them out")
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state
         self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)

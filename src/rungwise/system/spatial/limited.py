@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.system.entries import fill_span
+from rungwise.system.products import dot
 from rungwise.system.spatial.drives import Drives
 from rungwise.system.spatial.loads import tendon_rows
 from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
@@ -121,19 +122,19 @@ def agree(rows: Reals, basis: Reals) -> None:
     becomes 0. `basis`, of the same shape, is scratch for orthogonal unit rows."""
     known, longest, n = 0, 0.0, rows.shape[1] - 1
     for r in range(rows.shape[0]):
-        longest = max(longest, _product(rows[r], rows[r], n))
+        longest = max(longest, dot(rows[r], rows[r], n))
     for r in range(rows.shape[0]):
-        length = _product(rows[r], rows[r], n)
+        length = dot(rows[r], rows[r], n)
         if length <= NOISE * NOISE * longest:
             rows[r, :] = 0.0
             continue
         copy(rows[r], basis[known])
         for _ in range(2):  # once more, for what rounding left
             for k in range(known):
-                part = _product(basis[k], basis[known], n)
+                part = dot(basis[k], basis[known], n)
                 for i in range(n + 1):
                     basis[known, i] -= part * basis[k, i]
-        left = _product(basis[known], basis[known], n)
+        left = dot(basis[known], basis[known], n)
         if left <= SPARE * SPARE * length:
             rows[r, n] -= basis[known, n]
             continue
@@ -141,14 +142,6 @@ def agree(rows: Reals, basis: Reals) -> None:
         for i in range(n + 1):
             basis[known, i] /= left
         known += 1
-
-
-@inner_kernel
-def _product(a: Reals, b: Reals, n: int) -> float:
-    total = 0.0
-    for i in range(n):
-        total += a[i] * b[i]
-    return total
 
 
 @dataclass(frozen=True)

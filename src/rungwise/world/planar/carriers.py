@@ -13,7 +13,7 @@ from rungwise.scene.fields.fields import Fixed, Free, Hinge
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import ALONG, ANGLE, SERVO, SPEED
-from rungwise.world.carriers import Driven, Link, TaskError
+from rungwise.world.carriers import Driven, Linear, Link, Servos, TaskError
 
 
 class Held(NamedTuple):
@@ -45,13 +45,15 @@ def driven(scene: Scene, name: str, bound: Bound, path: str) -> Driven:
         raise TaskError(f"{path}: {_wanted(name, chain, len(chains))}")
     signs = np.array([held.sign for held in chain] or [1.0] * k)
     reaches = bound.records.shapes["reach"][bound.records.shapes["body"] == number]
-    stiffness, limit = (
-        np.array([float(row[field][0]) if by_place else np.inf for row in rows])
-        for field in ("stiffness", "limit")
+    servos = Servos(
+        *(
+            np.array([float(row[field][0]) if by_place else np.inf for row in rows])
+            for field in ("stiffness", "limit")
+        )
     )
     return Driven(
-        body=name, places=(x, x + 1), columns=tuple(columns), matrix=signs[:, None] * matrix,
-        zero=signs * zero, by_place=by_place, stiffness=stiffness, limit=limit,
+        body=name, places=(x, x + 1), columns=tuple(columns),
+        led=Linear(signs[:, None] * matrix, signs * zero), by_place=by_place, servos=servos,
         reach=float(reaches.max(initial=0.0)), links=tuple(held.link for held in chain),
         home=np.array([body["x"], body["y"], body["angle"]]),
     )  # fmt: skip

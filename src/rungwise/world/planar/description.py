@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene
 from rungwise.scene.fields.fields import Drive, Joint
-from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS
+from rungwise.scene.fields.laws.contact import in_words, written
 from rungwise.system.planar.place import turns
 from rungwise.world.description import common, heading, stated
-from rungwise.world.planar.variant import ADHERING, FADING, STICKING, named
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -54,7 +53,7 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
     contacts: list[dict[str, Any]] = [
         {"between": list(pair)}
         | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
-        | named(record, STICKS | FADES | ADHERES | POISSON)
+        | written(record)
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
     joints: dict[str, Any] = {}
@@ -123,11 +122,7 @@ def described(report: Mapping[str, Any]) -> str:
         a, b = c["between"]
         lines.append(
             f"  {a} | {b}: friction {c['friction']:.6g}, restitution {c['restitution']:.6g},"
-            f" stiffness {c['stiffness']:.6g}, damping {c['damping']:.6g}"
-            + "".join(
-                f", {x.replace('_', ' ')} {c[x]:.6g}" for x in (*STICKING, *FADING, *ADHERING) if x in c
-            )
-            + (", impacts by Poisson's law" if "impact" in c else "")
+            f" stiffness {c['stiffness']:.6g}, damping {c['damping']:.6g}" + in_words(c)
         )
     lines += stated(report, 12)
     return "\n".join(lines)

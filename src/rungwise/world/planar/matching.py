@@ -9,13 +9,14 @@ from typing import Any
 from rungwise.deadline import NEVER, Deadline
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
-from rungwise.scene.template.records import ADHERES, FADES, POISSON, STICKS, Records
+from rungwise.scene.fields.laws.contact import written
+from rungwise.scene.template.records import Records
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.world.ingredients import CONDITIONS
 from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, alike, flexibility
-from rungwise.world.planar.variant import GIVE, PlanarVariant, named
+from rungwise.world.planar.variant import GIVE, PlanarVariant
 from rungwise.world.run import completed
 
 
@@ -40,8 +41,7 @@ def matched(
             notes.append(f"{label}: {same.told(give['stiffness'], mass)}")
         extra[BOUNCE.format(k)] = bounce
         ratios.append(ratio)
-        laws = named(record, STICKS | FADES | ADHERES | POISSON)
-        contacts.append(_contact(pair, float(record["friction"]), k, give) | laws)
+        contacts.append(_contact(pair, float(record["friction"]), k, give) | written(record))
     bodies, turning, told = _turning(scene, records)
     file: dict[str, Any] = json.loads(scene.file.model_dump_json(exclude_unset=True))
     file.pop("task", None)

@@ -10,18 +10,17 @@ import numpy as np
 
 from rungwise.kernel import Ints
 from rungwise.scene import Scene, load
+from rungwise.scene.fields.laws.contact import told, written
+from rungwise.scene.fields.laws.law import ALWAYS, FRICTION, RESTITUTION
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
-from rungwise.scene.template.records import ADHERES, FADES, POINTS, POISSON, RING, STICKS, Records
-from rungwise.world.ingredients import CONDITIONS, RESTITUTION, Variant
+from rungwise.scene.template.records import POINTS, RING, Records
+from rungwise.world.ingredients import CONDITIONS, Variant
 
 GIVE = (
     "stiffness", "damping", "tangential_stiffness", "tangential_damping", "coupling_stiffness",
     "coupling_damping",
 )  # fmt: skip
-STICKING, FADING, ADHERING = ("static_friction",), ("yield_speed",), ("adhesion", "adhesion_range")
-"""Numbers of the laws of contact that are off unless a scene names them, by the ingredient they belong to:
-friction, restitution, and all others."""
 RESISTS = ("damping", "dry_friction")
 
 
@@ -45,7 +44,7 @@ class PlanarVariant(Variant):
             case "balance":
                 return not model.metric
             case "friction":
-                return _told(contacts, ("friction", *STICKING)) if model.friction else 0.0
+                return [contacts["friction"].tolist(), *told(contacts, FRICTION)] if model.friction else 0.0
             case "support":
                 return self._support() if model.loads else 0.0
             case "compliance":
@@ -54,8 +53,7 @@ class PlanarVariant(Variant):
                 return model.inertia
             case "restitution":
                 bounces = model.inertia > 0.0 and not model.compliant and contacts["restitution"].any()
-                poisson = (contacts["laws"] & POISSON).tolist()
-                return [poisson, *_told(contacts, ("restitution", *FADING))] if bounces else 0.0
+                return [contacts["restitution"].tolist(), *told(contacts, RESTITUTION)] if bounces else 0.0
             case "accuracy":
                 return self.tol
         return self._others()
@@ -79,7 +77,8 @@ class PlanarVariant(Variant):
                 "between": list(pair), "friction": float(slips[k]["friction"]),
                 "restitution": float(bounces[k]),
                 **{name: float(gives[name][k]) for name in GIVE},
-                **named(slips[k], STICKS), **named(rebounds[k], FADES | POISSON), **named(own[k], ADHERES),
+                **written(slips[k], FRICTION), **written(rebounds[k], RESTITUTION),
+                **written(own[k], ALWAYS),
             }
             for k, pair in enumerate(self.scene.template.contacts)
         ]  # fmt: skip
@@ -103,26 +102,12 @@ class PlanarVariant(Variant):
             coordinates[name][self.objects] = 0.0
         kinds = ("bodies", "shapes", "vertices", "potentials", "terms", "joints", "measures")
         gravity = [float(records.world[0][name]) for name in ("gravity_x", "gravity_y")]
-        adhesion = _told(records.contacts, ADHERING)
         return [
             gravity,
-            adhesion,
+            told(records.contacts, ALWAYS),
             coordinates.tobytes(),
             *(getattr(records, kind).tobytes() for kind in kinds),
         ]
-
-
-def named(contact: Any, laws: int) -> dict[str, Any]:
-    """The fields of these laws that a contact's record has beside the common ones."""
-    fields = {STICKS: STICKING, FADES: FADING, ADHERES: ADHERING}
-    own = [name for law, names in fields.items() if contact["laws"] & laws & law for name in names]
-    return {name: float(contact[name]) for name in own} | (
-        {"impact": "poisson"} if contact["laws"] & laws & POISSON else {}
-    )
-
-
-def _told(contacts: Any, fields: tuple[str, ...]) -> list[list[float]]:
-    return [contacts[name].tolist() for name in fields]
 
 
 def _put_support(bodies: dict[str, Any], base: PlanarVariant, world: PlanarVariant) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import SLIDE, drives, joints_of, targets
-from rungwise.world.carriers import Driven, TaskError
+from rungwise.world.carriers import Driven, Linear, Servos, TaskError
 
 
 def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: float) -> Driven:
@@ -23,10 +23,10 @@ def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: fl
             f"{path}: needs inputs, one for each of {', '.join(own) or 'its joints'}, that drive"
             " their speeds, or the targets of their servos, linearly and whatever the time"
         )
-    stiffness, limit = _strengths(bound, joints) if by_place else (np.full(k, np.inf), np.full(k, np.inf))
+    servos = _servos(bound, joints) if by_place else Servos(np.full(k, np.inf), np.full(k, np.inf))
     return Driven(
         body=name, places=tuple(bound.model.jnt_qposadr[joints].tolist()), columns=tuple(columns),
-        matrix=matrix, zero=zero, by_place=by_place, stiffness=stiffness, limit=limit, reach=reach, links=(),
+        led=Linear(matrix, zero), by_place=by_place, servos=servos, reach=reach, links=(),
         home=np.zeros(0), rates=tuple(bound.model.jnt_dofadr[joints].tolist()),
         slides=tuple((bound.model.jnt_type[joints] == SLIDE).tolist()), travel=_travel(bound, joints),
         levers=_levers(bound, joints, scene.template.bodies.index(name), reach),
@@ -55,13 +55,13 @@ def _travel(bound: SpaceBound, joints: list[int]) -> Reals:
     return np.where(limited, model.jnt_range[joints].T, [[-np.inf], [np.inf]])
 
 
-def _strengths(bound: SpaceBound, joints: list[int]) -> tuple[Reals, Reals]:
-    """Stiffness and greatest force (k,) of the servos that lead joints (see `drives.targets`)."""
+def _servos(bound: SpaceBound, joints: list[int]) -> Servos:
+    """The servos that lead joints (see `drives.targets`)."""
     model, own = bound.model, drives(bound.model)
     actuators = {int(model.actuator_trnid[a, 0]): (s, a) for s, a in enumerate(own.servos.tolist())}
     rows = [(s, a, float(model.actuator_gear[a, 0])) for s, a in (actuators[joint] for joint in joints)]
     stiffness = np.array([own.gains[s, 0] * gear**2 for s, _, gear in rows])
-    return stiffness, np.array([own.limit[a] * abs(gear) for _, a, gear in rows])
+    return Servos(stiffness, np.array([own.limit[a] * abs(gear) for _, a, gear in rows]))
 
 
 def _followed_in_space(scene: SpaceScene, joints: list[int], bound: SpaceBound) -> tuple[Reals, Reals, bool]:

@@ -33,7 +33,7 @@ from rungwise.contact.step.proximal import (
     impose,
     is_final,
     next_round,
-    spread,
+    return_to,
     stiffer,
 )
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
@@ -78,16 +78,13 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, turns: int, halt: 
             if last.rho >= MOST:
                 break
             last = stiffer(last)
-            for i in range(n):
-                v[i] = 0.0
-            spread(sizes, soft.centre, unknowns)
+            return_to(sizes, soft.centre, unknowns)
             continue
         found = residual_of(part, unknowns)
         rests = change_of_force(sizes, unknowns, soft.centre) <= STILL
         if rests and exertion_of(part, unknowns) <= WEDGED and is_final(found, last, enough):
             return found
-        collect(sizes, unknowns, soft.centre)
-        last = next_round(last, found)
+        last = next_round(last, found, sizes, unknowns, soft.centre)
     return math.inf
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+from rungwise.system.products import dot
 
 PART, SLIDE, STICK = 0, 1, 2
 """What a contact does in a mode; which way it slides follows from the motion."""
@@ -215,15 +216,6 @@ def nonnegative(m: int, d: int, memory: Memory) -> float:
             for r in range(d):
                 left[r] -= share[j] * columns[j, r]
     return math.sqrt(dot(left, left, d))
-
-
-@inner_kernel
-def dot(a: Reals, b: Reals, d: int) -> float:
-    """The product of the first d entries."""
-    total = 0.0
-    for i in range(d):
-        total += a[i] * b[i]
-    return total
 
 
 @kernel

@@ -15,12 +15,12 @@ from rungwise.planning.modes.forces.cones import (
     TINY,
     Memory,
     contact_edges,
-    dot,
     grip,
     nonnegative,
     pressed,
     presses,
 )  # fmt: skip
+from rungwise.system.products import dot
 
 RIGIDLY = 1e3
 """Weight with which contacts of an object on supports are kept."""

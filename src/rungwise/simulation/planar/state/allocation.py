@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from rungwise.contact.step import STICK, allocate_problem
 from rungwise.kernel import Reals
 from rungwise.mould import Mould
+from rungwise.scene.fields.laws.contact import POISSON, STICKS
 from rungwise.scene.language.expression import SLOTS, STACK
-from rungwise.scene.template.records import POISSON, STICKS, Records, views
+from rungwise.scene.template.records import Records, views
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
 from rungwise.simulation.planar.state.workspace import (

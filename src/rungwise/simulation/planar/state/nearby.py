@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.scene.template.records import ADHERES, FADES, FREE, HINGE, Records
+from rungwise.scene.fields.laws.contact import PULLS, REBOUNDS, pulls_within
+from rungwise.scene.template.records import FREE, HINGE, Records
 from rungwise.simulation.core.tolerances import NEAR, OVERLAP
-from rungwise.simulation.planar.state.laws import adhere, fade
+from rungwise.simulation.planar.state.laws import add_pulls, soften
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints, supports
 from rungwise.system.planar import terms as planar
@@ -89,8 +90,8 @@ def gather(records: Records, workspace: Workspace) -> int:
         state.clock[0].near = near if near > workspace.terms.rounding[0] else 0.0
         contacts = _gather(records, workspace)
     contacts = max(contacts, 0)
-    if state.clock[0].laws & FADES:
-        fade(records, contacts, state, workspace.terms, scratch)
+    if state.clock[0].laws & REBOUNDS:
+        soften(records, contacts, state, workspace.terms, scratch)
     if records.joints.shape[0] == 0:
         return contacts
     return joints.stops(
@@ -127,7 +128,7 @@ def begin_step(records: Records, rung: RecordArray, workspace: Workspace, h: flo
             records, state.placed.pose, state.q, state.v, state.start, state.clock[0].time, h, rung[0].theta,
             state.passive, workspace.terms,
         )  # fmt: skip
-        if state.clock[0].laws & ADHERES:
+        if state.clock[0].laws & PULLS:
             attract(records, workspace)
     if records.joints.shape[0] > 0:
         joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
@@ -136,14 +137,14 @@ def begin_step(records: Records, rung: RecordArray, workspace: Workspace, h: flo
 
 @rare_kernel
 def attract(records: Records, workspace: Workspace) -> None:
-    """Add what adheres to the loads of the placed bodies."""
-    state, farthest = workspace.state, 0.0
+    """Add what pulls at contacts to the loads of the placed bodies."""
+    state, far = workspace.state, 0.0
     for c in range(records.contacts.shape[0]):
-        farthest = max(farthest, records.contacts[c].adhesion_range)
-    if state.clock[0].margin < farthest:
-        state.clock[0].margin = 2.0 * farthest
+        far = max(far, pulls_within(records.contacts[c]))
+    if state.clock[0].margin < far:
+        state.clock[0].margin = 2.0 * far
         look(records, workspace, state.v)
-    adhere(records, state, workspace.terms)
+    add_pulls(records, state, workspace.terms)
 
 
 @kernel

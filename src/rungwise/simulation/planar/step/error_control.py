@@ -10,10 +10,11 @@ import math
 
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.scene.template.records import ADHERES, Records
+from rungwise.scene.fields.laws.contact import PULLS
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.crawl import MEETING
 from rungwise.simulation.planar.state.inputs import Inputs
-from rungwise.simulation.planar.state.laws import until_edge
+from rungwise.simulation.planar.state.laws import until_edges
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, swing, widen
 from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
@@ -77,8 +78,8 @@ def controlled_step(
         if length < h:
             vote(MEETING, clock.meets, state)
         h = length
-    if clock.laws & ADHERES:
-        h = until_edge(records, rung, workspace, h)
+    if clock.laws & PULLS:
+        h = until_edges(records, rung, workspace, h)
     shortest = SOON * control[0].step
     for part in range(parts):
         length = h if part == 0 else 0.5 * h

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from rungwise.kernel import RecordArray, copy, rare_kernel
-from rungwise.scene.template.records import ADHERES, Records
+from rungwise.scene.fields.laws.contact import PULLS
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.nearby import attract, gather, join
 from rungwise.simulation.planar.state.workspace import Scratch, Workspace
 from rungwise.simulation.planar.step.midpoint_rows import take_means
@@ -34,7 +35,7 @@ def linearise(records: Records, rung: RecordArray, workspace: Workspace, h: floa
             records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
             state.passive, terms,
         )  # fmt: skip
-        if clock.laws & ADHERES:
+        if clock.laws & PULLS:
             attract(records, workspace)
     else:
         copy(workspace.early.load, terms.load)
