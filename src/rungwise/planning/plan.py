@@ -176,8 +176,7 @@ class Plan(ByContent):
         run: AnyRun = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
-            frames=frames, stride=stride, save_hard=save_hard, limit=limit,
-            on_progress=on_progress,
+            frames=frames, stride=stride, save_hard=save_hard, limit=limit, on_progress=on_progress,
         )  # fmt: skip
         return run
 
