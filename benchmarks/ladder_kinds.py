@@ -2,10 +2,11 @@
 
     python benchmarks/ladder_kinds.py [--kinds clutter,soft] [--seeds 2] [--limit 10] [--runs]
 
-Four kinds of planar tasks, each with three members. *clutter*: a finger leads a box through pieces that lie
+Five kinds of planar tasks, each with three members. *clutter*: a finger leads a box through pieces that lie
 loose, and that it pushes aside. *soft*: shipped scenes whose fingers are on springs that are hardly damped,
 so that they swing after each start and each touch. *stiff*: the same scenes with contacts a thousand times as
-stiff. *slow*: the same, led a hundred times as slowly. Each is planned in the ways of `published_tasks.py`:
+stiff. *slow*: the same, led a hundred times as slowly. *tight*: the shipped corridor, narrower, where many
+proposals fail. Each is planned in the ways of `published_tasks.py`:
 with contact modes on quasistatic-rigid and then on dynamic-compliant (the ladder), with contact modes on
 dynamic-compliant alone, and without contact modes in both ways; all ways of a seed in turn. Limits and times
 are those of the processor, all threads together, so that other work on the machine counts little. Medians are
@@ -44,6 +45,8 @@ SIDE, PIECE, APART = 0.06, 0.01, 0.028
 """Sizes of the box and of pieces, and the least distance between these, in metres."""
 UNDAMPED, STIFFER, SLOWER = 0.05, 1e3, 0.01
 """Part of critical damping of soft drives; factors on the stiffness of contacts and the speed of fingers."""
+PASSAGES = (0.13, 0.145, 0.16)
+"""Widths of tight corridors, in metres; the box is 0.08 wide, and 0.16 from corner to corner."""
 WARMING = 1.0
 """Processor seconds for which each way is tried before what counts, so that kernels are there."""
 Data = dict[str, Any]
@@ -114,14 +117,23 @@ def shipped(kind: str, name: str) -> Data:
     return data | {"parameters": parameters}
 
 
+def tight(passage: float) -> Data:
+    """The shipped corridor of another width."""
+    data = shipped("tight", "corridor")
+    data["name"], data["parameters"]["passage"]["default"] = f"corridor_{1e3 * passage:.0f}_mm", passage
+    return data
+
+
 def members(kind: str) -> list[rw.Scene]:
     """The scenes of a kind."""
     if kind == "clutter":
         return [rw.load(clutter(count, number)) for number, count in enumerate(CROWDS)]
+    if kind == "tight":
+        return [rw.load(tight(passage)) for passage in PASSAGES]
     return [rw.load(shipped(kind, name)) for name in SHIPPED]
 
 
-KINDS = ("clutter", "soft", "stiff", "slow")
+KINDS = ("clutter", "soft", "stiff", "slow", "tight")
 RUNS, AHEAD, ERROR = (0, 2, 4, 8), 0.15, 1e-3
 """Pieces in the way of one push, how far the finger is led, and the error allowed per step over the box's
 size."""
