@@ -57,6 +57,17 @@ CASES: list[tuple[str, Any, str]] = [
     ("model.set.option.gravity", [0, 0, "1 / 0"], "model.set.option.gravity.2: must be finite, not inf"),
     ("model.set.option", {"gravty": 1}, "model.set.option.gravty: unknown field 'gravty' (did you mean"),
     ("contacts", 3, "contacts: must be a list, not 3"),
+    (
+        "contacts.0.adhesion",
+        1.0,
+        "contacts.0: adhesion is a law of scenes in the plane; in space contacts have",
+    ),
+    (
+        "contacts.0.yield_speed",
+        1.0,
+        "contacts.0: yield_speed is a law of scenes in the plane; in space contacts",
+    ),
+    ("contacts.0.impact", "poisson", "contacts.0: impact is a law of scenes in the plane; in space contacts"),
     ("contacts.0.between", ["zz", "b"], "contacts.0.between.0: 'zz' matches no geom and no body"),
     ("contacts.0.between", ["b"], "contacts.0.between.1: is required"),
     ("contacts.0.sliding", 1, "contacts.0: unknown field 'sliding'"),

@@ -230,6 +230,7 @@ _COMPLETE = {
     "range",
     "joint",
     "support",
+    "law",
 }
 """Errors whose text does not go on with the given value."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
 
 from rungwise.scene.fields.fields import Parameter, Units
 from rungwise.scene.fields.shapes import MANY, ONE
@@ -23,6 +24,8 @@ Numbers = Annotated[
 ]
 ENTRIES = 200
 """Most entries on contacts."""
+IN_THE_PLANE = ("static_friction", "yield_speed", "adhesion", "adhesion_range", "impact")
+"""Laws that contacts of planar scenes may name besides."""
 Settings = dict[Text, dict[Text, Numbers]]
 """Elements by name, with values of their fields."""
 
@@ -61,6 +64,19 @@ class Contact(Strict):
     friction: Number | None = None
     torsional_friction: Number | None = None
     rolling_friction: Number | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_law_of_the_plane(cls, given: object) -> object:
+        named = [name for name in IN_THE_PLANE if isinstance(given, dict) and name in given]
+        if named:
+            raise PydanticCustomError(
+                "law",
+                "{law} is a law of scenes in the plane; in space contacts have Coulomb's friction and"
+                " Newton's restitution: leave it out, or write a section of the scene in the plane",
+                {"law": named[0]},
+            )
+        return given
 
 
 class Start(Strict):
