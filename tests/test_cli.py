@@ -741,7 +741,7 @@ def test_plans_that_cannot_be(rungwise: Command, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.json"
     wrong.write_text("{}")
     for command in (("verify", wrong), ("view", wrong), ("plan", "push", "--initial", wrong)):
-        refused(rungwise(*command), "holds no plan that was saved")
+        refused(rungwise(*command), "holds no saved plan")
     refused(rungwise("verify", tmp_path / "no.json"), "is no file")
     apart = ("--parting", tmp_path / "apart.png")
     refused(rungwise("view", "push", *apart), "parting: needs one saved plan (JSON)")

@@ -48,7 +48,7 @@ class Outcome(StrEnum):
         Code.DOOMED,
         1,
         "the scene's rule says that no input can reach the goal from here",
-        "Change the inputs that led here; the set Z_A begins before this state.",
+        "Change the inputs that led here; the doomed set (the paper's Z_A) begins before this state.",
     )
     JAMMED = (
         Code.JAMMED,
@@ -59,7 +59,7 @@ class Outcome(StrEnum):
     UNSUPPORTED = (
         Code.UNSUPPORTED,
         1,
-        "loads act that contacts and drives cannot balance without inertia",
+        "contacts and drives cannot balance the loads without inertia",
         "Use a dynamic rung, or support the body.",
     )
     MISSED = (

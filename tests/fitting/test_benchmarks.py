@@ -47,7 +47,7 @@ def test_measured_pushes_lead_to_a_plan(
     monkeypatch.setattr("sys.argv", ["measured_pushes.py", "--samples", "10"])
     example.main()
     said = capsys.readouterr().out
-    assert said.startswith("quasistatic-rigid explains what ") and "re-planning: 10 of 10" in said
+    assert said.startswith("quasistatic-rigid explains the motions ") and "re-planning: 10 of 10" in said
     assert said.endswith("at the true values: goal\n")
 
 

@@ -101,7 +101,7 @@ def test_without_success_it_says_what_blocks() -> None:
         "slope", ("mu",), model="dynamic-rigid", box={"mu": (0.01, 0.3)}, tol=0.1, budget=50, threads=1
     )
     assert not found.found and not found.values and set(found.outcomes) == {"timeout"}
-    assert "most often the time is over, and no condition" in found.reason
+    assert "most often: the time is over, and no condition" in found.reason
     with pytest.raises(rw.InputError, match=r"^goal: the scene has none"):
         rw.design(rw.load("slope").changed(goal=None), ("mu",))
 

@@ -100,7 +100,7 @@ def test_ways_are_short(seed: int) -> None:
     way = way_of(plan)[:, 3:5]
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     assert length <= np.linalg.norm(way[-1] - way[0]) + 2.0 * np.pi * (0.05 * np.sqrt(2.0) + 0.015)
-    assert f": box {length:.3g} long" in str(plan) and " legs on geometric @ 0.01>" in repr(plan)
+    assert f"; box travels {length:.3g}" in str(plan) and " legs on geometric @ 0.01>" in repr(plan)
 
 
 @pytest.mark.parametrize("name", ["two_finger", "four_finger"])
@@ -125,7 +125,7 @@ def test_thin_walls_are_not_jumped(thickness: float) -> None:
 def test_no_way_through_a_gate_that_is_too_narrow() -> None:
     plan = rw.plan(gate(1e-2, 0.15), to="geometric")
     assert not plan.found
-    assert plan.reason == "geometric @ 0.01: no way for the bodies was found, wall being in the way"
+    assert plan.reason == "geometric @ 0.01: no path for the bodies was found, wall being in the way"
 
 
 def test_an_obstacle_that_leaves_no_way_is_named_where_a_search_finds_nothing() -> None:
@@ -173,12 +173,12 @@ def test_goals_of_tasks_have_places_also_where_contacts_must_close(name: str) ->
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
-        ("box.x >= 1 and box.x <= -1", "at the nearest these fail: "),
+        ("box.x >= 1 and box.x <= -1", "at the nearest one these terms fail: "),
         ("hypot(box.x - post1_x, box.y - post1_y) <= 0.001", "holds only where box and post1 overlap"),
-        ("gap(rod, box) <= 0 and gap(rod, box) >= 0.1", "no place of the bodies was found"),
-        ("gap(rod, box) <= 0 and gap(rod, box) >= 0.1", "these fail: gap(rod, box) >= 0.1 (by 0.1)"),
+        ("gap(rod, box) <= 0 and gap(rod, box) >= 0.1", "no placement of the bodies was found"),
+        ("gap(rod, box) <= 0 and gap(rod, box) >= 0.1", "these terms fail: gap(rod, box) >= 0.1 (by 0.1)"),
         ("gap(rod, box) <= -0.01", "holds only where rod and box overlap"),
-        ("box.x ** 2 <= -1", "these fail: box.x ** 2 <= -1 (by "),
+        ("box.x ** 2 <= -1", "these terms fail: box.x ** 2 <= -1 (by "),
         ("box.x >= 0.1 and box.x <= 0.12", "holds with a reserve of 0.2; see task.reserve"),
     ],
 )
@@ -191,7 +191,7 @@ def test_goals_that_cannot_be_are_told_before_anything_is_tried(goal: str, words
 def test_a_goal_out_of_a_travel_is_told() -> None:
     file: dict[str, Any] = yaml.safe_load((LIBRARY / "two_finger.yaml").read_text("utf-8"))
     plan = rw.plan(rw.load(file | {"goal": "finger1.x1 >= 3"}))
-    assert not plan.found and plan.reason.endswith("these fail: finger1.x1 >= 3 (by 1)")
+    assert not plan.found and plan.reason.endswith("these terms fail: finger1.x1 >= 3 (by 1)")
 
 
 @pytest.mark.few(6)
@@ -312,7 +312,7 @@ def test_an_object_that_a_robot_touches_all_the_way_did_not_move_alone() -> None
 def test_plans_of_places_are_told_from_plans_of_inputs(tmp_path: Any) -> None:
     plan = rw.plan("push", task_seed=1002, to="geometric")
     again = rw.load_plan(plan.save(tmp_path / "plan.json"))
-    assert again.waypoints == plan.waypoints and str(again).startswith("push: a way of")
+    assert again.waypoints == plan.waypoints and str(again).startswith("push: a path of")
     with pytest.raises(rw.PlanError, match="it is of the geometric rung: it has places, but no inputs"):
         again.replay()
     with pytest.raises(rw.TaskError, match="it has places, but no inputs"):

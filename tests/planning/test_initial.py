@@ -50,7 +50,7 @@ def test_a_schedule_that_misses_is_led_on(push: rw.Plan) -> None:
     head = push.segments[: ways[-1] + 1]
     found = begun(push, head, budget=400_000)
     assert found.found, found.reason
-    assert found.records[-1].how == "led on"
+    assert found.records[-1].how == "continued with new moves"
     assert found.segments[: len(head) // 2] == head[: len(head) // 2]
     assert found.replay().ok
 

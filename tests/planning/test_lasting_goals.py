@@ -56,8 +56,8 @@ def test_a_goal_without_robots_that_are_led() -> None:
 
 def test_where_a_goal_is_only_crossed_the_reason_says_so() -> None:
     plan = rw.plan(led("abs(part.s - 0.3) <= 0.1 for 5"), to=rw.KINEMATIC, budget=20_000, threads=1)
-    assert not plan.found and "lacks 0" not in plan.reason
-    assert "plans came to what the goal asks for, and did not hold it for 5" in plan.reason
+    assert not plan.found and "misses the goal by 0" not in plan.reason
+    assert "plans reached the goal, but did not hold it for 5" in plan.reason
 
 
 def test_a_block_that_is_tipped_is_held() -> None:

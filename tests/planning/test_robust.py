@@ -131,7 +131,7 @@ def test_a_rate_out_of_reach_is_no_plan(plan: rw.Plan, monkeypatch: pytest.Monke
         plan, scene=push({"post1_x": {"uniform": [0.0, 0.2]}, "post1_y": {"uniform": [-0.1, 0.1]}})
     )
     found = made_robust(blocked, 0.95, 60, None, silent, Budget())
-    assert not found.found and found.reason.startswith("robust: executed in no mode")
+    assert not found.found and found.reason.startswith("robust: no mode of execution")
     assert found.checks[-1].samples < 60
     assert found.segments == plan.segments
 

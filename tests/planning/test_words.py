@@ -73,7 +73,7 @@ def test_balance_accuracy_and_other_numbers_are_said() -> None:
         push, "dynamic-rigid", "dynamic-rigid", inputs=[rw.Segment({"ux": 1.0}, 5.0)],
         other_parameters={"width": 0.12},
     )  # fmt: skip
-    assert "other numbers: bodies, places or drives are others: width 0.1 -> 0.12" in str(heavy)
+    assert "other numbers: bodies, places or drives differ: width 0.1 -> 0.12" in str(heavy)
     assert "steps were too coarse: errors of 0.01 per step on a @ 1, of 0.001 on a @ 2" in sentence(
         "accuracy", Told({"tol": [0.01, 0.001]}, ("on a @ 1", "on a @ 2"), "box")
     )

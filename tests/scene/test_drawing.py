@@ -184,7 +184,7 @@ WRONG = {
     PLATE + '<circle id="r" cx="25" cy="30" r="2"/>': "file: the holes hole and r of plate lie in each other",
     PLATE + '<circle id="r" cx="50" cy="30" r="2"/>': "file: the paths plate and r cross or touch each other",
     PLATE + '<circle id="r" cx="80" cy="30" r="2"/>': (
-        "path: is required, for the file draws 2 outlines side by side; valid: plate, r"
+        "path: is required, because the file draws 2 outlines side by side; valid: plate, r"
     ),
     "<text>a</text>": "draws no path",
     "<path": "cannot be read",
@@ -239,7 +239,7 @@ def test_any_value_is_taken_or_refused_in_one_line(tmp_path: Path, field: str) -
 def test_a_dxf_without_a_unit_is_told(tmp_path: Path) -> None:
     file = dxf(tmp_path, lambda space: space.add_circle((0, 0), 1.0), 0)
     with pytest.raises(
-        rw.SceneError, match=r"shape\.drawn_in: is required, for .* says no unit; valid: m, cm"
+        rw.SceneError, match=r"shape\.drawn_in: is required, because .* states no unit; valid: m, cm"
     ):
         outline(file)
     assert polygon(outline(file, drawn_in="in")).area == pytest.approx(math.pi * 0.0254**2, rel=1e-2)

@@ -105,10 +105,10 @@ def test_a_time_that_parameters_make_impossible_is_named() -> None:
     made = scene(goal="part.y < 0.5 for wait", parameters={"wait": {"default": 0.2}})
     run = rw.simulate(made, rw.DYNAMIC_RIGID, parameters={"wait": -0.1})
     assert run.outcome.name == "invalid"
-    assert run.reason == "goal: must be told to hold for a finite time >= 0, not -0.1"
+    assert run.reason == "goal: the time after 'for' must be finite and >= 0, not -0.1"
     schedule = [{"duration": 1.0}, {"duration": 1.0, "until": "part.y < 0.5 for -wait"}]
     run = rw.simulate(made, rw.DYNAMIC_RIGID, inputs=schedule)
-    assert run.reason == "inputs.1.until: must be told to hold for a finite time >= 0, not -0.2"
+    assert run.reason == "inputs.1.until: the time after 'for' must be finite and >= 0, not -0.2"
     batch = rw.Batch(made, rw.DYNAMIC_RIGID, ("wait",)).run(np.array([[-0.1], [0.1]]))
     assert batch.outcomes.tolist()[0] == "invalid" and batch.outcomes.tolist()[1] != "invalid"
 

@@ -138,5 +138,5 @@ def test_the_command_hints_and_settles(tmp_path: Path) -> None:
 
 
 def test_the_plane_refuses_it() -> None:
-    with pytest.raises(rw.SceneError, match="settle: is known of scenes in space only"):
+    with pytest.raises(rw.SceneError, match="settle: works for scenes in space only"):
         rw.load("push", settle=True)

@@ -126,4 +126,4 @@ def test_equalities_and_tendons_of_all_kinds_are_listed(
     assert "travels -0.5 to 0.5, stiffness 3, damping 2" in said
     assert "number 3             connect of as and bs, inactive" in said
     code, said = _ran(capsys, monkeypatch, "replay", str(path), "--model", "dynamic-rigid", "--time", "0.01")
-    assert "mujoco comes to: timeout" in said
+    assert "outcome in mujoco: timeout" in said

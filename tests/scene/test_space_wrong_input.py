@@ -103,7 +103,7 @@ CASES: list[tuple[str, Any, str]] = [
     ("duration", "inf", "duration: must be finite, not inf"),
     ("step", -1, "step: -1 must be > 0"),
     ("tolerance", 0, "tolerance: 0 must be > 0"),
-    ("inputs", ["v"], "scene: inputs: v is no parameter"),
+    ("inputs", ["v"], "scene: inputs: v is not a parameter"),
     ("parameters.mu.default", 2.0, "parameters.mu: range must be [low, high] with low <= default <= high"),
 ]
 REFUSED = {
@@ -112,10 +112,10 @@ REFUSED = {
     ),
     "an actuator whose gain changes": ('<general name="m" joint="j" gaintype="affine" gainprm="1 1"/>', ""),
     "an actuator that adheres": ('<adhesion name="m" body="b" ctrlrange="0 1"/>', ""),
-    "an actuator that pushes away from its aim": (
+    "an actuator that pushes away from its target": (
         '<general name="m" joint="j" biastype="affine" biasprm="0 5 0"/>', ""
     ),
-    "an actuator that acts late": ('<motor name="m" joint="j" delay="0.1" nsample="100"/>', ""),
+    "an actuator with a delay": ('<motor name="m" joint="j" delay="0.1" nsample="100"/>', ""),
     "an actuator's damping that changes": ('<motor name="m" joint="j" damping="1 1"/>', ""),
     "a flag": ("", '<option><flag spring="disable"/></option>'),
     "a fluid": ("", '<option density="1.2" viscosity="0.1"/>'),

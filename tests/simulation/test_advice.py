@@ -53,7 +53,7 @@ def puck(drive: dict[str, Any], damping: float = 0.0) -> rw.Scene:
 
 
 STILL = "Nothing moves any more: more time changes nothing. Change inputs, drives or the start."
-LED = "Only puck, which drives lead, still moves: more time (--time) helps if they come to touch something."
+LED = "Only puck, led by drives, still moves: more time (--time) helps only if it touches something."
 MORE = "Give more time (--time)."
 
 

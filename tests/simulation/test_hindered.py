@@ -39,7 +39,7 @@ def test_a_run_whose_steps_lead_nowhere_ends(model: str) -> None:
     scene = {"name": "shaken", "bodies": bodies, "contacts": [], "duration": 1e3, "step": 1.0}
     run = rw.simulate(scene, model, tol=1e-6, frames=100)
     assert run.outcome == "not_converged" and 10_000 < run.attempts < 110_000
-    assert "attempts at steps led on by" in run.reason and "--tol" in run.reason
+    assert "attempts at steps advanced by" in run.reason and "--tol" in run.reason
 
 
 def tower(number: int, softness: float, top: float) -> dict[str, Any]:

@@ -79,7 +79,7 @@ def test_a_force_is_an_input_where_there_are_forces_and_the_kinematic_rung_says_
     still = rw.simulate(scene, "kinematic", inputs=segments)
     assert still.final["block"]["s"] == 0.0
     assert [note for note in still.notes if note.startswith("inputs")] == [
-        "inputs.u: has no effect on the kinematic rung, which knows no forces; it is read by"
+        "inputs.u: has no effect on the kinematic rung, which has no forces; it is read by"
         " bodies.block.coordinates.s.drive.force"
     ]
 

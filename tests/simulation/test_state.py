@@ -110,7 +110,7 @@ def test_saved_and_loaded(tmp_path: Path) -> None:
     assert ends[0].memory is not None and ends[1].memory is not None
     assert np.array_equal(ends[0].memory.values, ends[1].memory.values, equal_nan=True)
     (tmp_path / "none.npz").write_bytes(b"text")
-    with pytest.raises(rw.StateError, match=r"none\.npz' holds no state that was saved"):
+    with pytest.raises(rw.StateError, match=r"none\.npz' holds no saved state"):
         rw.load_state(tmp_path / "none.npz")
     with pytest.raises(FileNotFoundError):
         rw.load_state(tmp_path / "missing.npz")
@@ -156,7 +156,7 @@ def test_wrong_states() -> None:
     ):
         with pytest.raises(rw.StateError, match=text):
             rw.simulate(scene, rw.KINEMATIC, state=state)  # type: ignore[arg-type]
-    with pytest.raises(rw.ModelError, match="duration: the run ends at 1, and the state is of 2"):
+    with pytest.raises(rw.ModelError, match="duration: the run ends at 1, and the state is at 2"):
         rw.simulate(scene, rw.KINEMATIC, state=rw.State.of(scene, time=2.0), duration=1.0)
     with pytest.raises(rw.StateError, match=r"state: unknown 'x'; valid: "):
         over["x"]
@@ -375,7 +375,7 @@ def test_files_that_hold_no_state(tmp_path: Path) -> None:
             except rw.StateError as error:
                 assert "\n" not in str(error)
     np.save(tmp_path / "row.npy", np.zeros(3))
-    with pytest.raises(rw.StateError, match=r"state: 'row\.npy' holds no state that was saved"):
+    with pytest.raises(rw.StateError, match=r"state: 'row\.npy' holds no saved state"):
         rw.load_state(tmp_path / "row.npy")
     rng, content = np.random.default_rng(0), file.read_bytes()
     for at in rng.choice(len(content), 200, replace=False):

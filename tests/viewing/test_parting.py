@@ -25,14 +25,14 @@ def words(file: Path) -> str:
 
 def test_picture_names_time_distance_and_cause(found: rw.Diagnosis, tmp_path: Path) -> None:
     text = words(rw.draw_parting(found, PUSH, tmp_path / "apart.svg", parameters=FAST))
-    assert f"t = {found.time:.4g}, where they part" in text
-    assert f"where they are farthest: {found.distance:.3g} apart" in text
+    assert f"t = {found.time:.4g}, the motions begin to differ: by" in text
+    assert f"the motions are farthest apart: by {found.distance:.3g}" in text
     assert "inertia: box coasted" in text and "dynamic-compliant: " in text
 
 
 def test_time_may_be_chosen_and_png_is_written(found: rw.Diagnosis, tmp_path: Path) -> None:
     text = words(rw.draw_parting(found, PUSH, tmp_path / "apart.svg", parameters=FAST, at=0.1))
-    assert "t = 0.1, the time asked for" in text
+    assert "t = 0.1, chosen time, the motions differ: by" in text
     file = rw.draw_parting(found, PUSH, tmp_path / "new" / "apart.png", parameters=FAST)
     assert file.read_bytes().startswith(b"\x89PNG") and file.stat().st_size > 20_000
 
@@ -44,7 +44,7 @@ def test_other_parameters_are_those_of_the_second_run(tmp_path: Path) -> None:
     )
     file = tmp_path / "apart.svg"
     text = words(rw.draw_parting(found, PUSH, file, parameters=FAST, other_parameters=slick))
-    assert f"where they are farthest: {found.distance:.3g} apart" in text
+    assert f"the motions are farthest apart: by {found.distance:.3g}" in text
 
 
 def test_what_cannot_be_drawn_is_one_line(found: rw.Diagnosis, tmp_path: Path) -> None:

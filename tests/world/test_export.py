@@ -193,7 +193,7 @@ def test_what_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
         (["stack", "--out", "a.xml", "--keyframes", "--time", "0.02"], 0, "MJCF"),
         (["run", "--out", "b.csv"], 0, "a table of joints"),
         (["push", "--out", "a.txt"], 2, "out: must end in .csv, .json, .xml"),
-        (["push", "--out", "a.csv", "--at", "1"], 2, "at: is not known of .csv files"),
+        (["push", "--out", "a.csv", "--at", "1"], 2, "at: does not apply to .csv files"),
         (["push", "--out", "a.xml", "--time", "0.1"], 2, "scene: push has no MuJoCo model"),
         (["stack", "--out", "a.xml", "--at", "soon"], 2, "at: 'soon' must be times"),
     ],

@@ -86,5 +86,5 @@ def _choices(error: Any) -> str:
 
             return f" Valid: a YAML file, or {', '.join(shipped())}"
         case "over":
-            return " Valid: names of parameters, by commas, with intervals or without (v1,mu=0:0.9)"
+            return " Valid: names of parameters, separated by commas, with or without intervals (v1,mu=0:0.9)"
     return ""

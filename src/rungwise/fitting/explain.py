@@ -81,7 +81,10 @@ class Explanation(ByContent):
         """Which rung explains the motions, and where the others fail."""
         lines = [f"{self.adequate} explains the motions as well as any"]
         if self.adequate != self.best:
-            lines = [f"{self.adequate} explains what {self.best} does, within the error of measurement"]
+            lines = [
+                f"{self.adequate} explains the motions as well as {self.best} does, within the error of"
+                " measurement"
+            ]
         return "; ".join([*lines, *(self.failure(name) for name in self.rungs if not self.as_good(name))])
 
     def failure(self, name: str) -> str:
@@ -94,7 +97,7 @@ class Explanation(ByContent):
             if phase in own and phase in other
         }
         if not ratios:
-            return f"{name} is farther from them"
+            return f"{name} is farther from the motions"
         worst = max(ratios, key=lambda phase: ratios[phase])
         return f"{name} fails in {worst}: errors are {ratios[worst]:.3g} times as large there"
 
@@ -108,7 +111,8 @@ class Explanation(ByContent):
             values = ", ".join(f"{k} = {v:.4g}" for k, v in fit.values.items() if k not in fit.open)
             lines.append(f"  {name}: {values or 'no parameter is determined'}")
             lines.append(
-                f"    error of place {score.place}, of turn {score.turn}; {score.cost:.2g} s a second"
+                f"    error of place {score.place}, of turn {score.turn};"
+                f" {score.cost:.2g} s per second simulated"
             )
             lines.append("    " + "; ".join(f"{p.name} {p.place:.3g}, {p.turn:.3g}" for p in score.phases))
         lines += [f"  {self.verdict}"] + ([f"  {self.unfinished}"] if self.unfinished else [])

@@ -182,7 +182,7 @@ def _bounds(
         low[k], high[k] = _pair(f"bounds.{name}", pair, ranges[k])
     for name, least, most in zip(names, low, high, strict=True):
         if not math.isfinite(most - least):
-            raise GymError(f"bounds.{name}: is required, for the input has no range")
+            raise GymError(f"bounds.{name}: is required, because the input has no range")
         if not least < most:
             raise GymError(f"bounds.{name}: the least, {least:g}, is not below the greatest, {most:g}")
     return low, high, rate

@@ -28,9 +28,10 @@ HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
 WIDE = 110
 """Columns of the text."""
 BOUNDS = (
-    "Def. 1: the largest, over the inputs that were run, of the smallest distance found. Inputs that were not"
-    " drawn may be worse (a bound from below), inputs that were not tried better (a bound from above). Orders"
-    " are those of the second half, after the boundary layer, until just before the first of the two ends."
+    "Def. 1: the largest, over the inputs that were run, of the smallest distance found. The true value"
+    " may be larger, because other inputs may be worse, and smaller, because the richer model may come nearer"
+    " under inputs that were not tried. Orders are measured in the second half of the runs, after the"
+    " boundary layer, until just before the first of the two runs ends."
 )
 RUNG = 21
 """Columns of the longest name of a rung."""

@@ -134,7 +134,7 @@ def load_counterexample(file: str | Path) -> Counterexample:
     except InputError as error:
         raise InputError(f"counterexample: {Path(file).name[:60]!r}: {error}") from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise InputError(f"counterexample: {Path(file).name[:60]!r} holds none that was saved") from None
+        raise InputError(f"counterexample: {Path(file).name[:60]!r} holds no saved counterexample") from None
 
 
 def _side(data: Mapping[str, Any]) -> Side:

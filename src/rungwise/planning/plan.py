@@ -258,15 +258,15 @@ class Plan(ByContent):
         if not self.found or self.stage is None:
             return f"{name}: no plan. {self.reason}"
         if not self.stage.model.moves:
-            ways = ", ".join(f"{body} {length:.3g}" for body, length in self._ways().items())
-            return f"{name}: a way of {count} leg{'s' * (count != 1)} on {self.stage}: {ways} long"
+            ways = ", ".join(f"{body} travels {length:.3g}" for body, length in self._ways().items())
+            return f"{name}: a path of {count} leg{'s' * (count != 1)} on {self.stage}; {ways}"
         return (
             f"{name}: a plan of {count} move{'s' * (count != 1)}, {self.duration:.4g} long, on {self.stage},"
             f" at a cost of {self.cost:.4g}"
         )
 
     def _ways(self) -> dict[str, float]:
-        """How long the way of each object's centre is, from place to place."""
+        """How long the path of each object's centre is, from place to place."""
         start = State.of(self.scene, parameters=self.parameters).q
         found = geometry(self.scene, np.array([start, *self.waypoints]), self.parameters)
         lengths = np.linalg.norm(np.diff(found.poses[..., :-1], axis=0), axis=-1).sum(axis=0)
@@ -357,7 +357,7 @@ def load_plan(file: str | Path, scene: AnyScene | None = None) -> Plan:
     except (FileNotFoundError, PlanError):
         raise
     except (OSError, UnicodeError):
-        raise PlanError(f"plan: {name} holds no plan that was saved") from None
+        raise PlanError(f"plan: {name} holds no saved plan") from None
 
 
 def plan_of(text: str, scene: AnyScene | None = None, name: str = "the text") -> Plan:
@@ -375,7 +375,7 @@ def plan_of(text: str, scene: AnyScene | None = None, name: str = "the text") ->
     except SceneError as error:
         raise PlanError(f"plan: the scene in {name}: {error}") from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise PlanError(f"plan: {name} holds no plan that was saved") from None
+        raise PlanError(f"plan: {name} holds no saved plan") from None
 
 
 def _from_values(scene: AnyScene, data: dict[str, Any]) -> Plan:

@@ -45,8 +45,8 @@ def text(summary: dict[str, Any]) -> str:
     ]
     if summary["rule"] is not None:
         rule = ", ".join(f"{name} {part:.4f}" for name, part in summary["rule"].items())
-        lines.append(f"  beside the scene's own rule, of random states: {rule}")
+        lines.append(f"  compared with the scene's own rule, at random states: {rule}")
     lines += [f"  {summary['unfinished']}"] if summary["unfinished"] else []
     rungs = [name for name, holds in summary["holds_on"].items() if holds]
-    lines.append(f"  what is doomed here is doomed on {', '.join(rungs)}")
+    lines.append(f"  these states are doomed on {', '.join(rungs)}")
     return "\n".join(lines)

@@ -39,7 +39,7 @@ def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = Fa
     if not settle:
         return scene
     if not isinstance(scene, SpaceScene):
-        raise SceneError(f"settle: is known of scenes in space only, and {scene.name} is not in space")
+        raise SceneError(f"settle: works for scenes in space only, and {scene.name} is not in space")
     start = scene.file.start.model_copy(update={"settle": True})
     return replace(scene, file=scene.file.model_copy(update={"start": start}))
 
@@ -71,7 +71,7 @@ def load_planar(source: AnyScene | str | Path | Mapping[str, Any]) -> Scene:
     """A planar scene. Raises SceneError as `load` does, and for scenes of other worlds."""
     scene = load(source)
     if not isinstance(scene, Scene):
-        raise SceneError(f"scene: {scene.name} is not planar; this is known of planar scenes only")
+        raise SceneError(f"scene: {scene.name} is not planar; this works for planar scenes only")
     return scene
 
 
@@ -79,5 +79,5 @@ def load_in_space(source: AnyScene | str | Path | Mapping[str, Any]) -> SpaceSce
     """A scene in space. Raises SceneError as `load` does, and for scenes of other worlds."""
     scene = load(source)
     if not isinstance(scene, SpaceScene):
-        raise SceneError(f"scene: {scene.name} is not in space; this is known of scenes in space only")
+        raise SceneError(f"scene: {scene.name} is not in space; this works for scenes in space only")
     return scene

@@ -189,7 +189,7 @@ def impossible_times(scene: Scene, inputs: Inputs, values: Reals) -> str:
     for path, code, constants, (first, last) in spans:
         span = evaluate(code, constants, first, last, values, stack) if last > first else 0.0
         if not 0.0 <= span < math.inf:
-            return f"{path}: must be told to hold for a finite time >= 0, not {span:g}"
+            return f"{path}: the time after 'for' must be finite and >= 0, not {span:g}"
     return ""
 
 
@@ -200,7 +200,7 @@ def ignored(scene: Scene, model: Rung, segments: Sequence[Segment]) -> tuple[str
         paths = scene.template.readers[name]
         if any(name in segment.inputs for segment in segments) and all(map(_is_force, paths)):
             remarks.append(
-                f"inputs.{name}: has no effect on the {model.name} rung, which knows no forces; it is read by"
+                f"inputs.{name}: has no effect on the {model.name} rung, which has no forces; it is read by"
                 f" {', '.join(paths)}"
             )
     return tuple(remarks)

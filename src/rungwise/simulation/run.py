@@ -128,7 +128,7 @@ class Simulation(Turns):
         else:
             if not (state.time < self.end or (self._control[0]["ends"] and state.time == self.end)):
                 raise ModelError(
-                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
+                    f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}"
                 )
             self.reason = begin_at(state, self.scene, self._setting, self._begins_inputs, self.workspace)
         self.workspace.state.clock["stride"] = stride

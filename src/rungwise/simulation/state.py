@@ -165,7 +165,7 @@ def load_state(file: str | Path) -> State:
     except FileNotFoundError:
         raise
     except Exception:  # of a torn file, zip and numpy raise nearly anything
-        raise StateError(f"state: {Path(file).name[:60]!r} holds no state that was saved") from None
+        raise StateError(f"state: {Path(file).name[:60]!r} holds no saved state") from None
 
 
 def _from_arrays(saved: Mapping[str, NDArray[Any]]) -> State:

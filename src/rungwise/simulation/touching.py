@@ -36,7 +36,7 @@ def touching(run: Run, body: str, within: float | None = None) -> Touching:
     Raises ValueError for an unknown body, or a run that did not begin; ModelError for one that is not planar.
     """
     if not isinstance(run, Run):
-        raise ModelError("run: is not planar; contacts at the end are known of planar runs only")
+        raise ModelError("run: is not planar; contacts at the end are available for planar runs only")
     names = run.scene.template.bodies
     if body not in names:
         raise ValueError(f"body: unknown {body!r}{choices(body, names)}")

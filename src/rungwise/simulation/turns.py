@@ -112,7 +112,7 @@ class Turns:
         segment = segment_of(self.scene, inputs, duration, ramp)
         if self._schedules:
             raise ScheduleError(
-                "inputs: the run follows the schedule with which it began; begin it with inputs=[] to tell it"
+                "inputs: the run follows the schedule with which it began; begin it with inputs=[] to give"
                 " its inputs step by step"
             )
         if self.outcome != Code.RUNNING:

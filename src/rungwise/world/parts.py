@@ -100,6 +100,6 @@ def no_model(
 ) -> str:
     """Raise ExportError: the scene has no model in MJCF."""
     raise ExportError(
-        f"scene: {scene.name} has no MuJoCo model, and MJCF is written of scenes that have one; trajectories"
-        " of joints are written of every scene"
+        f"scene: {scene.name} has no MuJoCo model, and MJCF is written only for scenes that have one;"
+        " trajectories of joints are written for every scene"
     )

@@ -37,7 +37,7 @@ def changed(name: str, **changes: Any) -> rw.Scene:
     [
         ("corridor", {"mass": 100.0}, "fingers press too weakly"),
         ("corner_pivot", {"press": [1e-4, 1e-3]}, "fingers press too weakly"),
-        ("corridor", {"bodies": {"plug": PLUG}}, "no way of the object alone"),
+        ("corridor", {"bodies": {"plug": PLUG}}, "no path for the object"),
         ("corridor", {"goal": "hypot(box.x - 0.1, box.y - 0.3) <= near"}, "box and inner overlap"),
         ("corner_pivot", {"mu": 0.0}, "no balance"),
     ],

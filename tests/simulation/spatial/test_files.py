@@ -108,7 +108,7 @@ STARTS = [
     (
         SLIDE,
         '<tendon><fixed name="t" limited="true" range="1 2"><joint joint="j" coef="1"/></fixed></tendon>',
-        "t is beyond its range (1 to 2) by a way of 1;",
+        "t is beyond its range (1 to 2) by 1;",
     ),
     (
         SLIDE,

@@ -122,6 +122,6 @@ def test_a_time_that_is_none_is_named(make: Make) -> None:
     scene = make(world(DRIVEN, before=NO_GRAVITY), goal="p.j > 1 for u", duration=1.0, **INPUT)
     found = rw.simulate(scene, rw.KINEMATIC, parameters={"u": -1.0})
     assert found.outcome.name == "invalid"
-    assert found.reason == "goal: must be told to hold for a finite time >= 0, not -1"
+    assert found.reason == "goal: the time after 'for' must be finite and >= 0, not -1"
     with pytest.raises(rw.SceneError, match=r"^goal: 'for' needs a time"):
         make(world(DRIVEN, before=NO_GRAVITY), goal="p.j > 1 for ")

@@ -107,7 +107,7 @@ def test_bodies_that_overlap_at_the_start_are_told(scene: SpaceScene) -> None:
         ({"inputs": {"speed": [1.0, 1.0]}}, "inputs: unknown input 'speed'.*aim"),
         ({"inputs": np.zeros((2, 3, 1))}, r"inputs: must have the shape \(m, 2, 1\)"),
         ({"states": np.zeros((2, 3))}, r"states: must have the shape \(m, 8\) or \(m, 15\)"),
-        ({"motion": {"box.x": 1.0}}, "motion: is not known for scenes in space"),
+        ({"motion": {"box.x": 1.0}}, "motion: does not work for scenes in space"),
         ({"until": ["gap(box, moon) > 0", None]}, "until.0"),
     ],
 )

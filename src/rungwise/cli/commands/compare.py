@@ -24,14 +24,17 @@ def compare(
     ] = "all",
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,
-    samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn, besides the scene's.")] = 8,
+    samples: Annotated[
+        int, typer.Option("--samples", min=0, help="Number of inputs drawn besides the scene's own.")
+    ] = 8,
     seed: arg.SeedOption = 0,
     accuracy: Annotated[
-        float, arg.numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent.")
+        float,
+        arg.numeric("--accuracy", "Motions this close count as equal, as a part of the scene's extent."),
     ] = 0.01,
     duration: Annotated[
         float | None,
-        arg.numeric("--time", "End of the runs; if not given, when the last rung has come to an end."),
+        arg.numeric("--time", "End of the runs; if not given, when the runs on all rungs have ended."),
     ] = None,
     threads: arg.ThreadsOption = None,
     limit: arg.LimitOption = None,

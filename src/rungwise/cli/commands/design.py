@@ -18,7 +18,7 @@ def design(
     model: Annotated[str, arg.rung("Rung on which to succeed.")] = "dynamic-compliant",
     from_: Annotated[
         str | None,
-        arg.rung("Rung of which on designs are searched, rung after rung.", "--from"),
+        arg.rung("Rung on which the search begins; it climbs rung by rung.", "--from"),
     ] = None,
     robust: Annotated[
         bool,
@@ -40,7 +40,7 @@ def design(
     settle: arg.SettleOption = False,
     out: Annotated[Path | None, arg.path("--out", "Scene file with the best values as defaults.")] = None,
     force: arg.ForceOption = False,
-    png: Annotated[Path | None, arg.path("--png", "Picture: how far each may drift.")] = None,
+    png: Annotated[Path | None, arg.path("--png", "Picture of how far each parameter may drift.")] = None,
     threads: arg.ThreadsOption = None,
     as_json: arg.JsonOption = False,
 ) -> int:

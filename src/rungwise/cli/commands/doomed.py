@@ -22,7 +22,10 @@ def doomed(
         str, typer.Option("--over", help="Coordinates of states: NAME or NAME=LOW:HIGH, separated by commas.")
     ],
     inputs: Annotated[
-        str, typer.Option("--inputs", help="Parameters that inputs may change: NAME=LOW:HIGH, by commas.")
+        str,
+        typer.Option(
+            "--inputs", help="Parameters that inputs may change: NAME=LOW:HIGH, separated by commas."
+        ),
     ],
     values: arg.SetOption = None,
     settle: arg.SettleOption = False,

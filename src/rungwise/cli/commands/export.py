@@ -44,18 +44,23 @@ def export(
     tol: arg.TolOption = None,
     rate: Annotated[
         float | None,
-        arg.numeric("--rate", "Rows in a unit of time; the recorded frames if not given."),
+        arg.numeric("--rate", "Rows per unit of time; the recorded frames if not given."),
     ] = None,
     names: Annotated[
         str | None,
-        typer.Option("--joints", help="Coordinates or joints, by commas; those of robots if not given."),
+        typer.Option(
+            "--joints", help="Coordinates or joints, separated by commas; those of robots if not given."
+        ),
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option("--at", help="Times of keyframes, by commas; of MJCF the end if not given."),
+        typer.Option("--at", help="Times of keyframes, separated by commas; for MJCF, the end if not given."),
     ] = None,
     keyframes: Annotated[
-        bool, typer.Option("--keyframes", help="Of MJCF only the keyframes, to be included in your own file.")
+        bool,
+        typer.Option(
+            "--keyframes", help="For MJCF, write only the keyframes, to be included in your own file."
+        ),
     ] = False,
     limit: arg.LimitOption = None,
     force: arg.ForceOption = False,
@@ -70,7 +75,7 @@ def export(
         ("rate", rate, kind != ".xml"), ("joints", names, kind != ".xml"),
     ):  # fmt: skip
         if given is not None and not known:
-            refuse(f"{name}: is not known of {kind} files, which are {ENDINGS[kind]}")
+            refuse(f"{name}: does not apply to {kind} files, which are {ENDINGS[kind]}")
     with plain_errors():
         arg.writable_file(out)
         arg.unused(out, force)
@@ -118,4 +123,4 @@ def _times(text: str | None) -> list[float] | None:
     try:
         return [float(each) for each in text.split(",")]
     except ValueError:
-        refuse(f"at: {text[:60]!r} must be times, by commas")
+        refuse(f"at: {text[:60]!r} must be times, separated by commas")

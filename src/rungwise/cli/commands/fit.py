@@ -19,7 +19,7 @@ def fit(
     over: arg.OverOption,
     model: Annotated[
         str,
-        arg.rung("Rung of the ladder, or all: which one explains."),
+        arg.rung("Rung of the ladder, or all, to find the simplest one that explains the motions."),
     ],
     values: arg.SetOption = None,
     deviation: Annotated[
@@ -34,10 +34,17 @@ def fit(
         arg.numeric("--span", "How long runs from measured states last; inf: whole trials.", "TIME"),
     ] = None,
     held_out: Annotated[
-        float, arg.numeric("--held-out", "With --model all: the part of the trials to score on.")
+        float,
+        arg.numeric(
+            "--held-out", "With --model all: the fraction of the trials that is held out for the scores."
+        ),
     ] = 0.5,
     tol: Annotated[
-        float | None, arg.numeric("--tol", "Error allowed per step; if not given, by what it changes.")
+        float | None,
+        arg.numeric(
+            "--tol",
+            "Error allowed per step; if not given, steps become finer until the values hardly change.",
+        ),
     ] = None,
     limit: arg.LimitOption = None,
     seed: arg.SeedOption = 0,
@@ -57,7 +64,7 @@ def fit(
     from rungwise.fitting.fit import fit as search
 
     if resume and out is None:
-        refuse("resume: needs --out, the folder to go on in")
+        refuse("resume: needs --out, the folder with the kept batches")
     names, box = arg.intervals("over", over)
     kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
     finished = "; finished batches are kept, and --resume goes on from them"

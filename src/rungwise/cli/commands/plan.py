@@ -28,7 +28,7 @@ def plan(
         str | None,
         typer.Option(
             "--schedule",
-            help="coarse-fine, quasistatic, climb or direct; or stages RUNG[@ACCURACY], by commas."
+            help="coarse-fine, quasistatic, climb or direct; or stages RUNG[@ACCURACY], separated by commas."
             " Default: the task's own.",
         ),
     ] = None,
@@ -62,7 +62,7 @@ def plan(
         Path | None, arg.path("--out", "File for the plan (JSON); not written without one.")
     ] = None,
     force: arg.ForceOption = False,
-    table: Annotated[Path | None, arg.path("--csv", "File for the time table of inputs.")] = None,
+    table: Annotated[Path | None, arg.path("--csv", "CSV file for the inputs over time.")] = None,
     as_json: arg.JsonOption = False,
 ) -> int:
     """Plan the task of a scene, from cheap to rich models. The answer explains on which models the plan

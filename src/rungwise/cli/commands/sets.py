@@ -72,7 +72,7 @@ def sets(
     from rungwise.viewing.view import view
 
     if resume and out is None:
-        refuse("resume: needs --out, the folder to go on in")
+        refuse("resume: needs --out, the folder with the kept batches")
     if solutions not in (*SOLUTIONS, "all"):
         refuse(f"solutions: unknown {solutions[:60]!r}{choices(solutions, (*SOLUTIONS, 'all'))}")
     if lift and model != "all":

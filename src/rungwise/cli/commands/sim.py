@@ -95,8 +95,8 @@ def _sentence(run: AnyRun) -> str:
     ]
     if run.energy_gained > 0.0:
         lines.append(
-            f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can;"
-            " a compliant rung cannot"
+            f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can do"
+            " this; a compliant rung cannot"
         )
     return "\n".join([*lines, *(f"  {note}" for note in run.notes)])
 

@@ -39,7 +39,7 @@ def verify(
         float,
         arg.numeric(
             "--rate",
-            "The answer is positive (exit code 0) where the lower bound of success is at least this.",
+            "The answer is positive (exit code 0) if the lower bound of success is at least this.",
             metavar="RATE",
         ),
     ] = 0.9,

@@ -51,8 +51,8 @@ def view(
         Path | None,
         typer.Option(
             "--parting",
-            help="Still picture of where a plan's motions on two rungs part, the two of --model or those of"
-            " its diagnosis that come farthest apart.",
+            help="Still picture of when a plan's motions on two rungs begin to differ: the rungs of --model,"
+            " or those of its diagnosis whose motions come farthest apart.",
         ),
     ] = None,
     live: Annotated[
@@ -154,10 +154,12 @@ def _parting(
         elif moving := [each for each in plan.diagnosis if UNTOUCHED not in each.causes]:
             found = max(moving, key=lambda each: each.distance)
         else:
-            refuse("parting: the plan moves alike on all of its stages; name two rungs with --model")
+            refuse(
+                "parting: the plan's motions are the same on all of its stages; name two rungs with --model"
+            )
         draw = drawer_of(plan.scene).parting
         if draw is None:
-            refuse("parting: is drawn of planar plans only")
+            refuse("parting: is drawn for planar plans only")
         written = draw(found, plan.scene, file, parameters=plan.parameters, at=at, limit=deadline.seconds)
     if as_json:
         show_json({"files": [str(written)], "diagnosis": found.summary()})

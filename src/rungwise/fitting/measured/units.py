@@ -1,6 +1,6 @@
-"""Units of measurements: columns that state theirs are counted in m, kg, s and rad until a scene is known.
+"""Units of measurements: columns that state a unit are counted in m, kg, s and rad until a scene is known.
 
-From then on they are in the scene's units, in which columns are that state none."""
+From then on all columns are in the scene's units; columns that state no unit always are."""
 
 from __future__ import annotations
 

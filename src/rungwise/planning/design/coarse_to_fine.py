@@ -37,7 +37,7 @@ def nothing(runs: int, outcomes: dict[str, int]) -> str:
     most = sorted(outcomes.items(), key=lambda item: -item[1])
     ended = ", ".join(f"{name} {count}" for name, count in most)
     meaning = next(each.meaning for each in OUTCOMES.values() if each.name == most[0][0])
-    return f"no design of {runs} runs succeeds: {ended}; most often {meaning}"
+    return f"no design of {runs} runs succeeds: {ended}; most often: {meaning}"
 
 
 def earlier_rungs(first: Rung | str | None, last: Rung) -> tuple[Rung, ...]:

@@ -154,7 +154,7 @@ class Design(ByContent):
         if self.samples == 0:
             return "succeeds, in the search alone"
         if self.samples == 1:
-            return "reaches the goal" if self.ok else "misses the goal, beside ones that reach it"
+            return "reaches the goal" if self.ok else "misses the goal, although designs near it reach it"
         return (
             f"{self.successes} of {self.samples} fresh runs succeed, at least {self.lower:.3f} with a"
             " confidence of 95%"

@@ -29,7 +29,7 @@ WORDS = {
     INERTIA: "bodies coasted on their momentum",
     RESTITUTION: "bodies bounced after an impact",
     ACCURACY: "steps were too coarse",
-    OTHER: "bodies, places or drives are others",
+    OTHER: "bodies, places or drives differ",
 }
 """Each cause as a phrase."""
 MODES = {"open": "was open", "stick": "stuck", "forward": "slid", "backward": "slid", "slip": "slid"}
@@ -63,7 +63,8 @@ def ending(end: Mapping[str, Any], on: str) -> str:
         case "unsupported":
             said += f": nothing balances the loads along {', '.join(proof['coordinates'])}"
         case "unbalanced":
-            said += f": no motion balances the loads without inertia at the contacts {contacts or 'of none'}"
+            at = f" at the contacts {contacts}" if contacts else ""
+            said += f": no motion balances the loads without inertia{at}"
         case _:
             said += f": no motion satisfies these contacts together: {contacts}"
     return f"{said} ({proof['kind']} certificate)"
@@ -96,7 +97,7 @@ def _balance(told: Told) -> str:
     if (weights[0] > 0.0) != (weights[1] > 0.0):
         said += f"; {on[int(weights[1] == 0.0)]} its weight of {max(weights):.3g} is left out"
     for pairs, where in zip(told.numbers.get("alone", ()), on, strict=False):
-        said += f"; {', '.join(pairs)} touch{'es' * (len(pairs) == 1)} {where} alone" if pairs else ""
+        said += f"; {', '.join(pairs)} touch{'es' * (len(pairs) == 1)} only {where}" if pairs else ""
     return said
 
 
@@ -105,7 +106,7 @@ def _friction(told: Told) -> str:
     one, other = (MODES[mode] for mode in n["modes"])
     if one == other and (0.0 in n["friction"] or n["modes"][0] == n["modes"][1]):
         mu = [f"{value:.3g} {where}" for value, where in zip(n["friction"], on, strict=True)]
-        return f"{n['contact']} {one} in both, with a friction of {mu[0]}, of {mu[1]}"
+        return f"{n['contact']} {one} in both, with friction {mu[0]}, {mu[1]}"
     again = " the other way" if one == other else ""
     return f"{n['contact']} {one} {on[0]}, {other}{again} {on[1]}, from t = {n['since']:.4g} on"
 
@@ -148,7 +149,7 @@ def _accuracy(told: Told) -> str:
 
 def _others(told: Told) -> str:
     changes = ", ".join(f"{name} {one:.4g} -> {other:.4g}" for name, (one, other) in told.numbers.items())
-    return f"bodies, places or drives are others: {changes}"
+    return f"bodies, places or drives differ: {changes}"
 
 
 _SENTENCES: dict[str, Callable[[Told], str]] = {

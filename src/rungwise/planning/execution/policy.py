@@ -223,11 +223,11 @@ class Policy:
     ) -> None:
         """Propose what is left from this leg on anew, from a measured place (n,) and velocities (n_v,)."""
         if len(self.proposals) >= PROPOSALS * self._task.moves[1]:
-            self._lose(now, f"{why}; {len(self.proposals)} proposals were made, and no more are")
+            self._lose(now, f"{why}; {len(self.proposals)} proposals were made, and no more will be")
             return
         began, budget = clock.perf_counter(), Budget(self._steps, self._limit)
         self._nominal.budget = budget
-        found, keeps, fault = None, False, "no part was found that leads on"
+        found, keeps, fault = None, False, "no leg or move was found that leads to the goal"
         number = len(self.proposals)
         try:
             start = self._measured(q, v, expected)
@@ -252,7 +252,7 @@ class Policy:
         self._now, self._begun, self._is_lost = found, now, False
         self._errors.clear()
         if keeps:
-            self.status, self.reason = FOLLOWING, f"{why}; what is left still leads on"
+            self.status, self.reason = FOLLOWING, f"{why}; the rest of the plan still leads to the goal"
             return
         self._is_own, self._gone = False, 0
         self.status, self.reason = RE_PROPOSING, why

@@ -35,5 +35,5 @@ def made_robust(
         if not budget.is_in_time():
             reason = f"robust: {budget.ended}; {mode}, {found.unfinished or 'the rate is not reached'}"
             return replace(plan, checks=tuple(checks), reason=f"{reason}; the plan holds on {plan.stage}")
-    reason = f"robust: executed in no mode it succeeds at a rate of {rate:g}; it holds without errors"
+    reason = f"robust: no mode of execution succeeds at a rate of {rate:g}; it holds without errors"
     return replace(plan, checks=tuple(checks), reason=reason)

@@ -58,7 +58,7 @@ class Trials:
                 rows.append([float(len(rows)), *(values[name] for name in self.names)])
                 if len(rows) == samples:
                     return np.array(rows)
-        raise TaskError("task.uncertain: nearly all draws fall out of the parameters' ranges")
+        raise TaskError("task.uncertain: nearly all draws lie outside the parameters' ranges")
 
     def world(self, point: Reals) -> tuple[dict[str, float], dict[str, float]]:
         """The parameters of a sample, and the errors of its inputs."""

@@ -59,9 +59,13 @@ def nowhere(work: Work) -> str:
         return ""
     alone = placing.goals(np.random.default_rng(seed), in_time, apart=False)
     if len(alone.places):
-        return f"goal: holds only where {placing.overlapping(alone.nearest)} overlap, as far as was found"
+        overlapping = placing.overlapping(alone.nearest)
+        return f"goal: as far as the search could find, it holds only where {overlapping} overlap"
     failing = placing.lacking(alone.nearest)
-    return f"goal: no place of the bodies was found at which it holds; at the nearest these fail: {failing}"
+    return (
+        "goal: no placement of the bodies was found at which it holds; at the nearest one these terms fail:"
+        f" {failing}"
+    )
 
 
 def place(work: Work, without: str = "") -> Placed:
@@ -93,7 +97,7 @@ def in_the_way(work: Work) -> str:
     obstacles = _with_role(work, OBSTACLE)
     alone = [name for name in obstacles if len(place(work, name).way)]
     return (
-        f"no way for the bodies was found{', ' + ' or '.join(alone) + ' being in the way' if alone else ''}"
+        f"no path for the bodies was found{', ' + ' or '.join(alone) + ' being in the way' if alone else ''}"
     )
 
 

@@ -67,7 +67,7 @@ def _path(work: Work, poses: Reals) -> Reals:
     columns = [f"{name}.{axis}" for name in objects for axis in ("x", "y", "angle")]
     if len(objects) != 1 or not set(columns) <= set(names):
         raise TaskError(
-            f"initial: a path leads one free object; the goal speaks of {', '.join(objects) or 'none'}"
+            f"initial: a path leads one free object; the goal names {', '.join(objects) or 'none'}"
         )
     rows = np.repeat(work.start.q, len(poses), axis=0)
     rows[:, [names.index(column) for column in columns]] = poses

@@ -226,7 +226,9 @@ def _announce(work: Work, stage: Stage, found: Plan, tell: Callable[[str], None]
     line = f"{stage}: {'lifting' if len(found.moves) or found.segments else 'planning'}"
 
     def how_far() -> None:
-        nearest = f", the nearest plan lacks {work.nearest:.3g}" if math.isfinite(work.nearest) else ""
+        nearest = (
+            f", the nearest plan misses the goal by {work.nearest:.3g}" if math.isfinite(work.nearest) else ""
+        )
         tell(f"{line}, {work.budget.spent.total()} steps{nearest}")
 
     tell(line)

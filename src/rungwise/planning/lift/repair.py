@@ -257,11 +257,11 @@ def _after(work: Work, predictor: Predictor, vectors: Reals) -> Begun | None:
 
 REPAIRS = (
     Repair(_more_slowly, "held more slowly", of_moves=False, of_modes=True),
-    Repair(_leg_by_leg, "led again leg by leg", of_moves=False, of_modes=True),
+    Repair(_leg_by_leg, "planned again leg by leg", of_moves=False, of_modes=True),
     Repair(_by_moves, "repaired move by move"),
     Repair(_by_suffix, "repaired at its end"),
-    Repair(_by_continuation, "continued in inertia"),
+    Repair(_by_continuation, "repaired by growing inertia"),
     Repair(_within_the_reserve, "held within the reserve", of_modes=True),
-    Repair(_led_on, "led on"),
+    Repair(_led_on, "continued with new moves"),
 )
 """In the order in which they are tried."""

@@ -54,7 +54,7 @@ GUIDES, COURSES = 8, 3
 shortest are followed, in turn."""
 WAYS = "ways of objects alone"
 """By which these are kept for all stages."""
-NO_WAY = "no way of the object alone past what stands around it"
+NO_WAY = "no path for the object past its surroundings"
 """Why no course was found."""
 
 
@@ -211,7 +211,7 @@ class ModePlanner:
             if node.outcome == Code.GOAL:
                 return node.found
             if ground.away(q, ends[k]) > DRIFTED * work.task.size:
-                work.failures[f"led astray on {self.predictor.stage.model.name}"] += 1
+                work.failures[f"the object left its planned path on {self.predictor.stage.model.name}"] += 1
                 return None
             k += 1
         return None
@@ -251,7 +251,7 @@ class ModePlanner:
         if after.outcome in GOES_ON and not self.scene.is_there(after.places.q[0]):
             self.nodes.append(after)
         elif after.outcome in GOES_ON:
-            self.work.failures["at the goal, and not as it asks"] += 1
+            self.work.failures["at the goal's place, but other terms of the goal fail"] += 1
         return after
 
     def _chosen(self) -> Node:

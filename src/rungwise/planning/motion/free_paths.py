@@ -67,7 +67,7 @@ def grown(
     try:
         from ompl import base, geometric, util
     except ImportError:
-        raise PlannerMissing("ways: need OMPL; pip install 'rungwise[plan]'") from None
+        raise PlannerMissing("paths: need OMPL; pip install 'rungwise[plan]'") from None
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(1 + seed)
     plain, bounds = base.RealVectorStateSpace(len(columns)), base.RealVectorBounds(len(columns))

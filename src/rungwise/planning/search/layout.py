@@ -80,7 +80,7 @@ def lay_out(
         if legs is None:
             return Course(
                 tuple(segments), tuple(labels), tuple(counts), tuple(places), levels[0], work, outcome,
-                f"move {number}: no way for {', '.join(c.body for c in moves.task.carriers)} to its place",
+                f"move {number}: no path for {', '.join(c.body for c in moves.task.carriers)} to its place",
             )  # fmt: skip
         own = moves.segments_of(vector[None], begun, levels)
         rows = [

@@ -193,9 +193,11 @@ def known(work: Work) -> str:
     outcomes = work.budget.outcomes
     parts = ", ".join(f"{name} {count / outcomes.total():.0%}" for name, count in outcomes.most_common(4))
     ended = f"{work.budget.ended}; " if work.budget.ended else ""
-    unlaid = f"; {work.unlaid} came to the goal and could not be laid out" if work.unlaid else ""
+    unlaid = (
+        f"; {work.unlaid} reached the goal, but not with paths between their moves" if work.unlaid else ""
+    )
     most = ", ".join(f"{why} {count}" for why, count in work.failures.most_common(4))
-    failed = f"; by contact modes most failed by: {most}" if most else ""
+    failed = f"; with contact modes most legs failed for these reasons: {most}" if most else ""
     trees = f"; contact modes: {work.grown[TREES]} trees of {work.grown[LEGS]} legs" if work.grown else ""
     tried = f"moves tried: {outcomes.total()} ({parts or 'none'}){trees}"
     return f"{ended}{tried}{_nearest(work)}{unlaid}{failed}"
@@ -204,10 +206,10 @@ def known(work: Work) -> str:
 def _nearest(work: Work) -> str:
     """How near plans came to the goal, and where; or that none came nearer than the start."""
     if work.was_there and work.task.lasting:
-        return f"; plans came to what the goal asks for, and did not hold it for {work.task.lasting:g}"
+        return f"; plans reached the goal, but did not hold it for {work.task.lasting:g}"
     begun = float(work.lack(work.start)[0])
     if work.nearest_at is None or work.nearest > begun - LEAST:
-        lacks = f", which lacks {begun:.3g} of it" if LEAST < begun < np.inf else ""
+        lacks = f", which misses it by {begun:.3g}" if LEAST < begun < np.inf else ""
         return f"; no plan ended nearer to the goal than the start{lacks}"
     bodies = {name for groups in work.groups for group in groups for name in group.bodies}
     names = work.task.scene.template.coordinates
@@ -216,7 +218,7 @@ def _nearest(work: Work) -> str:
         for name, value in zip(names, work.nearest_at.tolist(), strict=False)
         if name.partition(".")[0] in bodies
     )
-    return f"; the nearest plan lacks {work.nearest:.3g} of the goal{at and f', with {at}'}"
+    return f"; the nearest plan misses the goal by {work.nearest:.3g}{at and f', with {at}'}"
 
 
 def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:

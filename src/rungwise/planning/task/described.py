@@ -23,7 +23,7 @@ def described(taken: Taken) -> list[str]:
             f"  {finger.name:12s} {_led(finger)}; may touch {', '.join(finger.objects)}",
             _given(finger),
         ]
-    return lines + [f"  {name:12s} is no finger: {why}" for name, why in taken.others.items()]
+    return lines + [f"  {name:12s} is not a finger: {why}" for name, why in taken.others.items()]
 
 
 def _led(finger: Finger) -> str:

@@ -272,7 +272,7 @@ def _is_slow(stops: Reals, carriers: tuple[Carrier, ...], size: float) -> bool:
 def in_plane(scene: AnyScene) -> Scene:
     """A planar scene. Raises TaskError for one of another world."""
     if world_of(scene).shapes != OUTLINES:
-        raise TaskError(f"scene: {scene.name} is not planar; this is known for planar scenes only")
+        raise TaskError(f"scene: {scene.name} is not planar; this works for planar scenes only")
     return cast(Scene, scene)
 
 
@@ -371,7 +371,7 @@ def _bounds(scene: AnyScene, fields: TaskFields, numbers: Mapping[str, float]) -
                 raise TaskError(f"{path}.range: must lie in the parameter's range, {low:g} to {high:g}")
             low, high = least, most
         if not math.isfinite(low + high):
-            raise TaskError(f"{path}: needs a range, for the parameter has none")
+            raise TaskError(f"{path}: needs a range, because the parameter has none")
         rows.append((low, high, numbers.get(f"{path}.rate", math.inf)))
     low_, high_, rate = np.array(rows).T
     return low_, high_, rate

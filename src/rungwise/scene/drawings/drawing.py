@@ -50,7 +50,7 @@ def _outline(field: str, shape: Shape, folder: Path) -> Shape:
     drawn_in = file.unit if shape.drawn_in is None else METRES[shape.drawn_in]
     if drawn_in is None:
         raise SceneError(
-            f"{field}.drawn_in: is required, for the file says no unit; valid: {', '.join(METRES)}"
+            f"{field}.drawn_in: is required, because the file states no unit; valid: {', '.join(METRES)}"
         )
     scale = drawn_in / METRES[shape.unit]
     size = _size(file)
@@ -141,7 +141,7 @@ def _nested(field: str, loops: list[tuple[str, list[Place]]], scale: float) -> s
         holes.append((other, polygon))
     if len(outside) > 1:
         raise SceneError(
-            f"{field}.path: is required, for the file draws {len(outside)} outlines side by side;"
+            f"{field}.path: is required, because the file draws {len(outside)} outlines side by side;"
             f" valid: {listed(dict.fromkeys(outside))}"
         )
     return shapely.Polygon(outer.exterior, [hole.exterior for _, hole in holes])

@@ -42,4 +42,4 @@ def check_inputs(inputs: tuple[str, ...], parameters: Mapping[str, Parameter]) -
     """Raise an error of pydantic for an input that is no parameter."""
     for name in inputs:
         if name not in parameters:
-            raise PydanticCustomError("unknown_field", "inputs: {name} is no parameter", {"name": name})
+            raise PydanticCustomError("unknown_field", "inputs: {name} is not a parameter", {"name": name})

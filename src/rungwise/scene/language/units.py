@@ -81,8 +81,8 @@ def conversions(units: Mapping[str, str], counted_in: Mapping[str, str] | None) 
         differs = abs(ratio - 1.0) > 1e-9
         if differs and counted_in is None:
             raise SceneError(
-                f"parameters.{name}.unit: {unit} is no product of m, kg, s and what is made of them (N, J, W,"
-                " Pa, Hz), and the scene does not say in which units it counts; give the number in these, or"
+                f"parameters.{name}.unit: {unit} is not a product of m, kg, s and units made of them (N, J,"
+                " W, Pa, Hz), and the scene does not state its units; give the number in these units, or"
                 " add units to the scene, such as units: {length: mm}, to have parameters converted"
             )
         if differs or degrees:

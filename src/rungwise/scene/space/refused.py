@@ -28,7 +28,7 @@ SWITCHES = ("ACTUATION", "CLAMPCTRL", "SPRING", "DAMPER")
 
 WAYS_OUT = {
     "an actuator with a state of another kind": 'dyntype="none" in the model file lets it act at once,'
-    ' dyntype="filterexact" after a while',
+    ' dyntype="filterexact" with a lag',
     "a fluid": 'density="0" viscosity="0" of <option> in the model file leave it out',
     "an actuator that adheres": "without it in the model file the rest runs",
     "a deformable body (flex)": "a rigid body in its place runs",
@@ -52,7 +52,7 @@ def left_out(model: mujoco.MjModel) -> tuple[str, ...]:
     if not model.nv:
         remarks.append("model: nothing can move in it")
     if model.nmocap:
-        remarks.append("model: bodies of motion capture stand still")
+        remarks.append("model: mocap bodies stand still")
     if model.neq and (model.eq_active0 == 0).any():
         remarks.append("model: equalities that are inactive at the start stay so")
     return tuple(remarks)
@@ -75,7 +75,7 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
         ("an actuator whose gain changes", _of(actuators, m.actuator_gaintype != 0)),
         ("an actuator whose bias is not affine", _of(actuators, m.actuator_biastype > AFFINE)),
         ("an actuator that adheres", _of(actuators, m.actuator_trntype == BODY)),
-        ("an actuator that pushes away from its aim", _of(actuators, _pushes_away(m))),
+        ("an actuator that pushes away from its target", _of(actuators, _pushes_away(m))),
         ("a joint's stiffness that changes", _of(joints, _changing(m, "jnt_stiffnesspoly"))),
         ("a tendon's stiffness that changes", _of(tendons, _changing(m, "tendon_stiffnesspoly"))),
         ("a tendon's damping that changes", _of(tendons, _changing(m, "tendon_dampingpoly"))),
@@ -83,7 +83,7 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
         ("a joint's spring that yields", _of(joints, _changing(m, "jnt_springyield"))),
         ("a tendon's spring that yields", _of(tendons, _changing(m, "tendon_springyield"))),
         ("an actuator's damping that changes", _of(actuators, _changing(m, "actuator_dampingpoly"))),
-        ("an actuator that acts late", _of(actuators, _changing(m, "actuator_delay"))),
+        ("an actuator with a delay", _of(actuators, _changing(m, "actuator_delay"))),
         ("an actuator of several controls or forces", _of(actuators, _is_several(m))),
         ("a range of force that several actuators share", shared_ranges(m)),
         ("a contact that adheres", _of(geoms, _changing(m, "geom_adhesion"))),

@@ -28,7 +28,7 @@ FAULTS = {
     NO_INERTIA: "a body that turns freely needs an inertia greater than 0"
     " (give inertia, or a shape with area)",
     NO_JOINT_AXIS: "the axis has no length",
-    NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
+    NOT_POSITIVE: "coupling must be below the square root of normal times tangential (stiffness or damping)",
     NO_AREA: "uniform pressure needs a shape with area; valid without: ring, points, ratio",
     NO_WEIGHT: "one of the weights must be greater than 0",
     OVERHANGS: "no pressure under the body has its centre there: it must be within the convex hull of the"

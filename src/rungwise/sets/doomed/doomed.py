@@ -108,10 +108,10 @@ class DoomedSet(LabelledSet):
         if self.solutions != ANY:
             return False, f"a motion of the {other.name} rung need not be one of the {self.model.name} rung"
         if other.compliant:
-            return False, "compliant contacts let bodies overlap, and no motion of this set does"
+            return False, "compliant contacts let bodies overlap, and in this set bodies never overlap"
         if world_of(self.scene).is_forced:
-            return False, "what servos and forces drive may move otherwise on the other rung"
-        return True, "any motion without overlap is one of this set, whatever causes it"
+            return False, "bodies that servos and forces drive may move differently on the other rung"
+        return True, "this set allows every motion without overlap, whatever causes it"
 
     @keywords
     def beside_rule(

@@ -77,4 +77,6 @@ class Crawl:
 def why_nowhere(attempts: int, span: float, step: float, short: str) -> str:
     """The rule in words; `short` says what keeps steps short, or is empty."""
     because = f": {short}" if short else ""
-    return f"{attempts} attempts at steps led on by {span:.3g}, not by the one step of {step:g}{because}"
+    return (
+        f"{attempts} attempts at steps advanced by {span:.3g} in all, less than one step of {step:g}{because}"
+    )

@@ -104,7 +104,7 @@ def run_sensitivity(
                 scene, model, parameters, steps, h, q, v, asked_in_space, names, theta, deadline
             )
     if not isinstance(scene, Scene):
-        raise ModelError(f"scene: of {scene.name} no derivatives of runs are known")
+        raise ModelError(f"scene: derivatives of runs do not work for {scene.name}")
     start = _Asked(q, v, deformation, time, WRT if wrt is None else wrt, names)
     with deadline.needed_for(WHOLE):
         return _in_plane(scene, model, parameters, steps, h, start, theta, deadline)

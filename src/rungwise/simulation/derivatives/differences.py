@@ -72,12 +72,12 @@ class Assembly:
             raise ModelError(simulation.reason)
         if simulation.workspace.state.clock[0]["surfaces"]:
             raise ModelError(
-                "support, or dry_friction along several coordinates of a body: no law that is differentiated"
-                " yet; leave it out, or give dry_friction along one"
+                "support, or dry_friction along several coordinates of a body: these laws cannot be"
+                " differentiated yet; leave them out, or give dry_friction along one"
             )
         if simulation.workspace.state.clock[0]["laws"] & ROUGH:
             rough = listed(law.title for law in LAWS if not law.is_smooth)
-            raise ModelError(f"contacts: steps are not differentiated with {rough}; leave them out")
+            raise ModelError(f"contacts: steps with {rough} cannot be differentiated; leave them out")
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state
         self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)

@@ -87,7 +87,7 @@ class _Runs:
                 raise ModelError(f"step {number}, from time {before:.6g}: {run.result().reason}")
             if abs(run.time - before - self.h) > 1e-9 * self.h:
                 raise ModelError(
-                    f"step {number}, from time {before:.6g}: has no solution, only shorter ones do"
+                    f"step {number}, from time {before:.6g}: has no solution; only shorter steps have one"
                 )
             assert run.stepper is not None
             kept, state_modes = run.space.kept, run.stepper.state.modes

@@ -323,7 +323,7 @@ def _followed(here: Assembly, before: NDArray[np.int64], end: Start, found: Arra
         if len(to):
             moved[to[0]] = slots[slot]
         elif end.features[slot] != ABSENT and slots[slot].any():
-            raise ModelError("step: a contact goes over to another feature; there is no derivative here")
+            raise ModelError("step: a contact moves to another feature; there is no derivative here")
     return moved.reshape(found.shape)
 
 

@@ -53,7 +53,7 @@ class Times:
         for part in (*self._own, *(part for parts in self._until for part in parts)):
             span = part.span(self._values.all)
             if not 0.0 <= span < math.inf:
-                return f"{part.path}: must be told to hold for a finite time >= 0, not {span:g}"
+                return f"{part.path}: the time after 'for' must be finite and >= 0, not {span:g}"
         return ""
 
     def go_on(self, segment: int) -> None:

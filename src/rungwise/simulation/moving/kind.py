@@ -116,7 +116,7 @@ class Kind:
         """What kept the steps short of a run whose steps led nowhere."""
         crawl = stepper.crawl
         why = why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, "")
-        return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may do."
+        return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may help."
 
     def stuck(self, stepper: Stepper) -> str:
         """What a step lacks that has neither a solution nor a proof, and what may lead on."""

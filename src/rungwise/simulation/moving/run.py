@@ -55,7 +55,7 @@ class MovingSimulation(Turns, Kind):
         given = self.given
         for name in ("motion", "save_hard"):
             if getattr(given, name) is not None:
-                raise ModelError(f"{name}: is not known for {self.kind}")
+                raise ModelError(f"{name}: does not work for {self.kind}")
         self._schedule()
         self._gained = 0.0
         self.stepper: Stepper | None = None
@@ -86,7 +86,7 @@ class MovingSimulation(Turns, Kind):
         self.end = given.duration or (self._clock.end if self.inputs else bound.duration)
         self._longest = (given.span or self.end) / LONGEST
         if state is not None and not state.time < self.end:
-            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
+            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}")
         most, stride = given.frames or 0, given.stride
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
@@ -369,8 +369,9 @@ class MovingSimulation(Turns, Kind):
             name = self.fastest(first.v)
             remarks += (
                 f"step: at t = {first.time:.6g} {name} would move by {first.far:.3g} in one"
-                f" of {first.h:.3g}, against damping alone: such steps are shortened to the size of the"
-                " smallest body, and what comes to rest may swing by as much; tol or a dynamic rung follows",
+                f" of {first.h:.3g}, against damping alone: such steps are shortened to the size of"
+                " the smallest body, and bodies that come to rest may swing by as much; use tol or a dynamic"
+                " rung",
             )
         return remarks
 

@@ -20,9 +20,10 @@ def led_on(stepper: Stepper, at: str) -> str:
     """What a step lacks that has neither a solution nor a proof, and what may lead on; `at`: where."""
     if stepper.lack == RAN_AWAY:
         return f"{stepper.lack}. Use a smaller step, or tol."
-    lines = [f"at t = {stepper.time:.6g}{at} {stepper.lack}. A smaller step, or tol, may do."]
+    lines = [f"at t = {stepper.time:.6g}{at} {stepper.lack}. A smaller step, or tol, may help."]
     if stepper.rung.name in LEADING_ON:
         lines.append(
-            f"Where that changes nothing, as where bodies are wedged, {LEADING_ON[stepper.rung.name]}."
+            "If that changes nothing, for example because bodies are wedged,"
+            f" {LEADING_ON[stepper.rung.name]}."
         )
     return " ".join(lines)

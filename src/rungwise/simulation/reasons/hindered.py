@@ -80,10 +80,10 @@ class Hindrance:
     def advice(self) -> str:
         """What may lead on from there."""
         contact, controlled = self._contact("refusal"), self.control[0]["error"] > 0.0
-        lines = ["A larger --tol may do." if controlled else "A smaller --step, or --tol, may do."]
+        lines = ["A larger --tol may help." if controlled else "A smaller --step, or --tol, may help."]
         if self.model.name in LEADING_ON:
             leading = LEADING_ON[self.model.name]
-            lines.append(f"Where that changes nothing, as where bodies are wedged, {leading}.")
+            lines.append(f"If that changes nothing, for example because bodies are wedged, {leading}.")
         bounces = contact is not None and self.bound.records.contacts[contact]["restitution"] > 0.0
         if bounces and self.model.name == "dynamic-rigid":
             lines.append("With restitution 0 nothing bounces there.")

@@ -249,8 +249,8 @@ class Reasons:
             f"{names[i]} {pace[i] / fastest:+.2g}" for i in np.flatnonzero(np.abs(pace) > SEEN * fastest)
         ]
         return (
-            f"rest: at t = {time:.6g} friction may hold bodies, and holds them; but another motion solves the"
-            f" step as well: {', '.join(motion)} (parts of the fastest). Richer rungs may take it",
+            f"rest: at t = {time:.6g} the run keeps bodies at rest by friction, but another motion solves the"
+            f" step as well: {', '.join(motion)} (relative to the fastest). Richer rungs may take it",
         )
 
     def _least_moved(self) -> float:

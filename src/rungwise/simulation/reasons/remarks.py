@@ -62,10 +62,10 @@ def stillness(bodies: Mapping[str, tuple[float, bool]], time: float, tolerance: 
     if not moving:
         return "Nothing moves any more: more time changes nothing. Change inputs, drives or the start."
     if all(moving.values()):
-        verb = "moves" if len(moving) == 1 else "move"
+        verb, they = ("moves", "it touches") if len(moving) == 1 else ("move", "they touch")
         return (
-            f"Only {listed(moving)}, which drives lead, still {verb}: more time (--time) helps if they come"
-            " to touch something."
+            f"Only {listed(moving)}, led by drives, still {verb}: more time (--time) helps only if {they}"
+            " something."
         )
     return ""
 
@@ -103,7 +103,7 @@ def _step(control: RecordArray, clock: RecordArray, short: Callable[[], str]) ->
         lines.append(f"{step:g} is longer than the whole run ({duration:g})")
     if steps > SHORTENED * max(1.0, time / min(step, duration)):
         lines.append(
-            f"{steps} steps were taken, on average of {time / steps:.3g}: {short() or 'they had to be'}"
+            f"{steps} steps were taken, {time / steps:.3g} long on average: {short() or 'longer ones failed'}"
         )
     return "step: " + "; ".join(lines) if lines else ""
 
@@ -114,7 +114,7 @@ def _tolerance(control: RecordArray, clock: RecordArray) -> str:
     if not math.isfinite(smallest) or FINE * smallest <= tolerance <= COARSE * smallest:
         return ""
     fine = tolerance < FINE * smallest
-    why = "gaps are not known so well" if fine else "what is apart would count as touching"
+    why = "gaps are not computed so accurately" if fine else "what is apart would count as touching"
     return (
         f"tolerance: {tolerance:.3g} is out of proportion to the smallest shape, whose reach is"
         f" {smallest:.3g}: {why}; {1e-6 * smallest:.1g} would fit"
@@ -132,7 +132,7 @@ def _error(rung: Rung, control: RecordArray, reach: Callable[[], float]) -> str:
         return ""
     return (
         f"tol: {error:.3g} is not small beside the smallest body that moves, whose reach is {size:.3g}: after"
-        f" impacts another course, and other outcomes, are possible; {ROUGH * size:.1g} or less would fit"
+        f" impacts the motion and the outcome may be wrong; {ROUGH * size:.1g} or less would fit"
     )
 
 
@@ -154,6 +154,6 @@ def _strays(clock: RecordArray) -> str:
     if gap == 0.0:
         return ""
     return (
-        f"step: from t = {time:.6g} one of {step:.3g} left bodies {gap:.3g} apart that it pressed together:"
-        " a shorter one, or --tol, follows the way between where anything damps it"
+        f"step: from t = {time:.6g} a step of {step:.3g} pressed bodies together and left them {gap:.3g}"
+        " apart: shorter steps, or --tol, follow the motion in between, if anything damps it"
     )

@@ -58,4 +58,4 @@ def _told(scene: SpaceScene, space: Space, fault: Fault) -> str:
     joint = kind == kinds.mjCNSTR_LIMIT_JOINT
     low, high = (m.jnt_range if joint else m.tendon_range)[number]
     name = scene.template.velocities[m.jnt_dofadr[number]] if joint else m.tendon(number).name
-    return f"{name} is beyond its range ({low:g} to {high:g}) by a way of {fault.by:.3g}; {way}"
+    return f"{name} is beyond its range ({low:g} to {high:g}) by {fault.by:.3g}; {way}"

@@ -56,10 +56,10 @@ def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:
     lines = [
         why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, short),
         f"The fastest body is {fastest(space, labels.bodies, stepper.v)}.",
-        "A smaller step, or tol, may do.",
+        "A smaller step, or tol, may help.",
     ]
     if stepper.rung.name in LEADING_ON:
-        lines.append(f"Where that changes nothing, {LEADING_ON[stepper.rung.name]}.")
+        lines.append(f"If that changes nothing, {LEADING_ON[stepper.rung.name]}.")
     return f"{lines[0]}. {' '.join(lines[1:])}"
 
 

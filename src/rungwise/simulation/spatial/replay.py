@@ -85,8 +85,8 @@ class Replay:
         return f"{self.body} differs from t = {self.parts:.4g} on, by at most {most:.2g}"
 
     def __str__(self) -> str:
-        head = f"{self.run.scene.name}: {self.run.model.name} beside {self.judge} ({self.settings})"
-        lines = [head, f"  {self.judge} comes to: {self.outcome}", f"  {self._parting()}"]
+        head = f"{self.run.scene.name}: {self.run.model.name} compared with {self.judge} ({self.settings})"
+        lines = [head, f"  outcome in {self.judge}: {self.outcome}", f"  {self._parting()}"]
         said = [*self.reasons, self.unfinished] if self.unfinished else self.reasons
         return "\n".join([*lines, *(f"  {line}" for line in said)])
 
@@ -152,8 +152,8 @@ def _followed(course: _Course, frames: Sequence[Frame]) -> tuple[list[_Place], s
             states.append(course.at(frame.time))
         return states, course.outcome(), ""
     except TimeOver:
-        left = f"the time was over when {course.run.scene.name} had come to t = {course.data.time:.4g}"
-        return states, Code.RUNNING.name.lower(), f"{left} in the judge, of {frames[-1].time:.4g}"
+        left = f"the time was over when {course.run.scene.name} had reached t = {course.data.time:.4g}"
+        return states, Code.RUNNING.name.lower(), f"{left} of {frames[-1].time:.4g} in {JUDGES[0]}"
 
 
 class _Place(NamedTuple):
@@ -281,13 +281,13 @@ def _reasons(course: _Course, frame: Frame, state: _Place) -> list[str]:
         mine, other = ours.get(pair), theirs.get(pair)
         if mine is None or mine["force"] == 0.0:
             if other is not None and other["force"] > 0.0:
-                lines.append(f"{pair}: touches in MuJoCo alone, with {other['force']:.3g}")
+                lines.append(f"{pair}: touches only in MuJoCo, with {other['force']:.3g}")
         elif other is None or other["force"] == 0.0:
-            lines.append(f"{pair}: touches here alone, with {mine['force']:.3g}")
+            lines.append(f"{pair}: touches only here, with {mine['force']:.3g}")
         else:
             lines += _between(pair, mine, other, fastest)
     if not lines:
-        lines.append("contacts are alike there: inertia and earlier differences part the motions")
+        lines.append("the contacts are the same: inertia and earlier differences make the motions differ")
     return lines[:8]
 
 

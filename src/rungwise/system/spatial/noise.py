@@ -53,7 +53,7 @@ class Noise:
         kinds = " and ".join(SHAPES[int(model.geom_type[g])] for g in (a, b))
         return (
             f"geometry: the gap of {names[a]} and {names[b]} ({kinds}) jumped by {self.jump:.1g} of their"
-            " size in a step, which no motion explains: contacts are known no better than that",
+            " size in a step, which no motion explains: contacts are not known more accurately than that",
         )
 
 

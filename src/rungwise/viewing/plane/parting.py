@@ -109,15 +109,17 @@ def _figure(
     figure = Figure(figsize=(across, high), dpi=110)
     figure.text(GAP / across, 1.0 - 0.8 * GAP / high, "\n".join(said), fontsize=9, va="top", color=INK)
     body = clips[0].bodies.index(found.body)
-    for k, (time, name) in enumerate(((when, "where they part"), (farthest, "where they are farthest"))):
+    for k, (time, name) in enumerate(
+        ((when, "the motions begin to differ"), (farthest, "the motions are farthest apart"))
+    ):
         left, bottom = GAP + k * (wide + GAP), BELOW + 0.4 + CURVE + 0.5
         axes = figure.add_axes((left / across, bottom / high, wide / across, tall / high))
         draw_frame(axes, clips, time, view)
         _mark(axes, clips, body, time, joined=bool(k))
         _magnified(axes, clips, body, time, view)
-        shown = name if k or time == found.time else "the time asked for"
+        shown = name if k or time == found.time else "chosen time, the motions differ"
         away = np.interp(time, times, apart)
-        axes.set_title(f"t = {time:.4g}, {shown}: {away:.3g} apart", fontsize=10, pad=3)
+        axes.set_title(f"t = {time:.4g}, {shown}: by {away:.3g}", fontsize=10, pad=3)
     axes = figure.add_axes(
         (4.0 * GAP / across, (BELOW + 0.4) / high, (across - 5.0 * GAP) / across, CURVE / high)
     )

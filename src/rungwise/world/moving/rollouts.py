@@ -44,7 +44,7 @@ def rollout(
 ) -> Kind:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them; `threads` are processes."""
     if RunOptions(**options).motion is not None:
-        raise ModelError(f"motion: is not known for {runs.kind}")
+        raise ModelError(f"motion: does not work for {runs.kind}")
     most = BUDGET if budget is None else count("budget", budget, 1)
     processes = min(threads_of(threads), runs.most)
     size = None if chunk is None else count("chunk", chunk, 1)

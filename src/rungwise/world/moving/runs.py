@@ -97,7 +97,7 @@ class MovingRuns:
     ) -> None:  # fmt: skip
         given = RunOptions(**options)
         if given.motion is not None:
-            raise ModelError(f"motion: is not known for {self.kind}")
+            raise ModelError(f"motion: does not work for {self.kind}")
         self.scene, self.model, self._over, self._theta = scene, model, tuple(over), given.theta
         self._until, self._ramps = tuple(until), tuple(ramps)
         self.parameters = scene.parameters(parameters)

@@ -56,7 +56,7 @@ def mjcf(
         why = " ".join(str(error).split())
         raise ExportError(f"mjcf: MuJoCo does not read what it wrote: {why}") from None
     if (again.nq, again.nv, again.nu, again.nbody) != (model.nq, model.nv, model.nu, model.nbody):
-        raise ExportError("mjcf: MuJoCo reads another model than it wrote")
+        raise ExportError("mjcf: MuJoCo reads a different model from the one that it wrote")
     return written
 
 
