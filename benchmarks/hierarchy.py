@@ -24,7 +24,8 @@ def rows(found: rw.Comparison, seconds: float) -> Iterator[str]:
     stage = (
         "none" if cheapest is None else f"{cheapest.stage}, {cheapest.steps} steps, {cheapest.solves} solves"
     )
-    yield f"{found.scene.name}: {len(found.samples)} runs; cheapest within {found.accuracy:g}: {stage}"
+    count = len(found.samples)
+    yield f"{found.scene.name}: {count} run{'s' * (count != 1)}; cheapest within {found.accuracy:g}: {stage}"
     for each in found.pairs:
         orders = ", ".join(
             fit.verdict if math.isnan(fit.order) else f"{fit.order:.2f} +- {fit.error:.2f} {fit.verdict}"

@@ -80,7 +80,7 @@ def scored(real: Real, law: Law, seed: int) -> tuple[dict[str, float], list[NDAr
 
 def table(real: Real, rungs: tuple[str, ...], seed: int) -> list[str]:
     """Lines of a page, one as soon as it is known."""
-    lines = ["| set | rung | law | parameters | place | turn | place, less common | turn, less common |"]
+    lines = ["| set | rung | law | parameters | place | turn | place, minus common | turn, minus common |"]
     lines.append("|" + "---|" * 8)
     print(*lines, sep="\n", flush=True)
     scale, unit = (1.0, "m/s") if real.name == "ellipses" else (1e3, "mm")

@@ -252,8 +252,8 @@ def main(arguments: Sequence[str] | None = None, *, fine: float = FINE, repeats:
     print(f"turned by {TURN}:")
     for frame in other_frames:
         print(
-            f"{frame.model:22} tol {frame.tol:.0e}: {frame.runs} runs, {frame.other_steps} with other steps,"
-            f" ends apart by {frame.greatest:.0e} of tol at most"
+            f"{frame.model:22} tol {frame.tol:.0e}: {frame.runs} runs, {frame.other_steps} with different"
+            f" steps, ends apart by {frame.greatest:.0e} of tol at most"
         )
     return 0
 

@@ -74,7 +74,7 @@ class Bench:
     def alike(self, friction: float, samples: int) -> int:
         return int(np.sum(self.plan.off(self.ends(friction, samples)) < ALIKE))
 
-    def foretold(self, friction: float, samples: int) -> int:
+    def predicted(self, friction: float, samples: int) -> int:
         ends = self.plan.predicted(self.starts[:samples], friction=friction)
         return int(np.sum(self.plan.off(ends) < ALIKE))
 
@@ -107,8 +107,8 @@ def main(arguments: list[str] | None = None) -> int:
         "samples": most,
         "alike": bench.alike(0.0, most),
         "greatest": greatest(lambda mu: bench.alike(mu, few) == few),
-        "foretold": greatest(lambda mu: bench.foretold(mu, few) == few),
-        "rows": [(mu, bench.alike(mu, few) / few, bench.foretold(mu, few) / few) for mu in SHOWN],
+        "predicted": greatest(lambda mu: bench.predicted(mu, few) == few),
+        "rows": [(mu, bench.alike(mu, few) / few, bench.predicted(mu, few) / few) for mu in SHOWN],
     }
     found["seconds"] = time.perf_counter() - began
     print(json.dumps(found) if given.json else told(found))
@@ -120,8 +120,9 @@ def told(found: dict[str, Any]) -> str:
     lines = [
         f"plan: squeezes at {angles} degrees; the end is {found['final']:.2f}, up to {found['period']:g}",
         f"{found['model']}, no friction: {found['alike']} of {found['samples']} end there",
-        f"all of a tenth do up to a friction of {found['greatest']:.3f}; foretold: {found['foretold']:.3f}",
-        "  friction   end there    foretold",
+        f"of the first tenth, all end there up to a friction of {found['greatest']:.3f};"
+        f" predicted: {found['predicted']:.3f}",
+        "  friction   end there   predicted",
         *(f"  {mu:8g} {100 * said:9.1f} % {100 * told:9.1f} %" for mu, said, told in found["rows"]),
         f"{found['seconds']:.0f} s",
     ]

@@ -208,7 +208,7 @@ def main(
             )
     for part in beside:
         print(
-            f"{part['model']} / {part['above']}, {part['what']}: {part['mean']:.2f} in the mean,"
+            f"{part['model']} / {part['above']}, {part['what']}: {part['mean']:.2f} on average,"
             f" {part['most']:.2f} at most"
         )
     return 0

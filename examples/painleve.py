@@ -184,7 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps({"step": STEP, "rows": rows}))
         return 0
-    print("friction from which on there is not exactly one solution\n")
+    print("friction above which there is not exactly one solution\n")
     print(" angle  closed form  no acceleration  two accelerations  three steps  steps, pressed, mu = 4")
     for row in rows:
         print(

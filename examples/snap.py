@@ -85,7 +85,7 @@ def push_of(run: rw.Run) -> np.ndarray:
 def rungs(scene: rw.Scene) -> list[Row]:
     """How the push ends on each rung, where, and with what greatest force, beside the closed form."""
     p = scene.parameters()
-    foretold = peak(scene, "lead") + p["drag"] * p["v"]
+    predicted = peak(scene, "lead") + p["drag"] * p["v"]
     rows = []
     for rung in rw.LADDER[1:]:
         run = pushed(scene, rung.name)
@@ -96,7 +96,7 @@ def rungs(scene: rw.Scene) -> list[Row]:
             "proof": "" if run.certificate is None else f"{run.certificate.kind} certificate",
         }
         if rung.compliant:
-            row |= {"force": float(push_of(run).max()), "foretold": foretold}
+            row |= {"force": float(push_of(run).max()), "predicted": predicted}
         rows.append(row)
     return rows
 
@@ -111,8 +111,8 @@ def passes(scene: rw.Scene, load: float, **given: float) -> bool:
 
 def least(scene: rw.Scene, face: str, **given: float) -> float:
     """The least load that takes the clip in over its lead, or out over its back."""
-    foretold, sign = peak(scene, face, **given), 1.0 if face == "lead" else -1.0
-    low, high = (1.0 - WITHIN) * foretold, (1.0 + WITHIN) * foretold
+    predicted, sign = peak(scene, face, **given), 1.0 if face == "lead" else -1.0
+    low, high = (1.0 - WITHIN) * predicted, (1.0 + WITHIN) * predicted
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if passes(scene, sign * middle, **given) else (middle, high)
@@ -126,7 +126,7 @@ def loads(scene: rw.Scene, cases: Sequence[tuple[float, float, float]]) -> list[
         given = {"lead": lead, "back": back, "mu": mu}
         row: Row = dict(given)
         for name, face in (("in", "lead"), ("out", "back")):
-            row |= {name: least(scene, face, **given), f"{name}_foretold": peak(scene, face, **given)}
+            row |= {name: least(scene, face, **given), f"{name}_predicted": peak(scene, face, **given)}
         rows.append(row)
     return rows
 
@@ -180,16 +180,16 @@ def _forces(axes: Axes, scene: rw.Scene) -> None:
 
 def table(found: dict[str, list[Row]]) -> str:
     """Both tables as text."""
-    lines = [f"{'model':22} {'outcome':8} {'barb [mm]':>9} {'force [N]':>9} {'foretold':>8}"]
+    lines = [f"{'model':22} {'outcome':8} {'barb [mm]':>9} {'force [N]':>9} {'predicted':>9}"]
     for row in found["rungs"]:
-        forces = f"{row['force']:9.3f} {row['foretold']:8.3f}" if "force" in row else f"  {row['proof']}"
+        forces = f"{row['force']:9.3f} {row['predicted']:9.3f}" if "force" in row else f"  {row['proof']}"
         lines.append(f"{row['model']:22} {row['outcome']:8} {MM * row['place']:9.4f} {forces}")
     lines.append(
-        f"\n{'lead':>5} {'back':>5} {'mu':>4} {'in [N]':>8} {'foretold':>8} {'out [N]':>8} {'foretold':>8}"
+        f"\n{'lead':>5} {'back':>5} {'mu':>4} {'in [N]':>8} {'predicted':>9} {'out [N]':>8} {'predicted':>9}"
     )
     lines += [
-        f"{row['lead']:5g} {row['back']:5g} {row['mu']:4g} {row['in']:8.3f} {row['in_foretold']:8.3f}"
-        f" {row['out']:8.3f} {row['out_foretold']:8.3f}"
+        f"{row['lead']:5g} {row['back']:5g} {row['mu']:4g} {row['in']:8.3f} {row['in_predicted']:9.3f}"
+        f" {row['out']:8.3f} {row['out_predicted']:9.3f}"
         for row in found["loads"]
     ]
     return "\n".join(lines)

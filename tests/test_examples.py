@@ -380,8 +380,8 @@ def test_squeezes_orient_a_part(monkeypatch: Patch, capsys: Printed) -> None:
     monkeypatch.setattr(squeezes, "BISECTIONS", 2)
     assert squeezes.main(["--samples", "50", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["alike"] == 50 and found["greatest"] == found["foretold"]
-    assert all(said == foretold for _, said, foretold in found["rows"])
+    assert found["alike"] == 50 and found["greatest"] == found["predicted"]
+    assert all(said == predicted for _, said, predicted in found["rows"])
 
 
 def test_a_push_is_found_in_many_environments(monkeypatch: Patch, capsys: Printed) -> None:
@@ -412,9 +412,9 @@ def test_a_clip_snaps_at_the_force_of_the_closed_form(
     found = json.loads(capsys.readouterr().out)
     for row in found["rungs"]:
         assert row["outcome"] == ("goal" if "force" in row else "jammed")
-        assert math.isclose(row.get("force", 1.0), row.get("foretold", 1.0), rel_tol=2e-3)
+        assert math.isclose(row.get("force", 1.0), row.get("predicted", 1.0), rel_tol=2e-3)
     (row,) = found["loads"]
-    assert all(math.isclose(row[way], row[f"{way}_foretold"], rel_tol=1e-3) for way in ("in", "out"))
+    assert all(math.isclose(row[way], row[f"{way}_predicted"], rel_tol=1e-3) for way in ("in", "out"))
     assert example.main(["--figure", str(tmp_path / "snap.png")]) == 0
     assert (tmp_path / "snap.png").stat().st_size > 10_000
 
