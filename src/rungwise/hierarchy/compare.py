@@ -48,14 +48,14 @@ def compare(
     limit: float | None = None,
     on_progress: Progress | None = None,
 ) -> Comparison:
-    """Measure how far the models are apart on a scene: the paper's Table 1.
+    """Measure how far apart the models are on a scene: the paper's Table 1.
 
     Args:
         scene, parameters: as for `simulate`.
         model: only pairs with this rung; all if not given.
         samples: number of inputs that are drawn with `seed`, in addition to the scene's own.
         accuracy: greatest distance of motions that count as alike, as a part of the scene's extent.
-        duration: end of the runs; if not given, each ends when the last rung has come to an end, at the
+        duration: end of the runs; if not given, each ends when the runs on all rungs have ended, at the
             scene's duration at the latest.
         threads: how many, in space processes; as many as there are cores if not given. The results do not
             depend on it.

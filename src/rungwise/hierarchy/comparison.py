@@ -172,7 +172,7 @@ class Comparison(ByContent):
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
     angles times the longest lever; in space, of its centre and of the tips of its axes. `inputs` and
     `samples` (m, k): names and values of the inputs, the scene's own first; `until` (m,): time at which the
-    last rung had come to its end, nan if a limit ended the first runs; `notes`: matched parameters; `ends`:
+    last of the runs had ended, nan if a limit ended the first runs; `notes`: matched parameters; `ends`:
     how the runs of each rung ended (m,); `errors` of its motions (m,), infinite if unknown; `pairs`; `costs`
     of all stages, and `cheapest`, the stage of fewest solves within `accuracy` of the richest;
     `counterexamples`: pairs of runs that contradict a definition; `parameters` of the scene, by name;

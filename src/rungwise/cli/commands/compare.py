@@ -42,7 +42,7 @@ def compare(
     force: arg.ForceOption = False,
     as_json: arg.JsonOption = False,
 ) -> int:
-    """Measure how far the models are apart on a scene. This is the paper's Table 1, with numbers. SCENE may
+    """Measure how far apart the models are on a scene. This is the paper's Table 1, with numbers. SCENE may
     also be a saved counterexample, whose two runs are repeated.
 
     Example: rungwise compare two_finger"""

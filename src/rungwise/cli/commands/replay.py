@@ -52,8 +52,8 @@ def replay(
     limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Compare a run in space with another simulator. It gets the same start and inputs, and the answer says
-    where and why the two motions part.
+    """Compare a run in space with another simulator, which gets the same start and inputs. The answer says
+    when and why the two motions begin to differ.
 
     Example: rungwise replay slope --in mujoco --model dynamic-rigid"""
     from rungwise.deadline import Deadline, seconds

@@ -119,7 +119,7 @@ class DoomedSet(LabelledSet):
     ) -> dict[str, float]:
         """Compare the set with the scene's own rule `doomed` at random states of the box. The answer has the
         parts of the states that are doomed by "both", "only here", and "only by rule"; the last is no
-        contradiction, because this set is found too small.
+        contradiction, because this set is smaller than the exact one.
 
         Args:
             n: number of states.

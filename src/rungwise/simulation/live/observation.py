@@ -26,7 +26,7 @@ class Contacts(ByContent):
     bodies: the two of each; points (k, d): where they touch; normals (k, d): unit, into the second body;
     forces (k, d): on the second body, in the world's axes; pushes (k,): their normal parts, >= 0; gaps (k,):
     distances, below 0 where compliant contacts yield; modes: stick, slip or open. Forces are nan on the
-    kinematic rung, which knows none. In a step with an impact on a rigid rung a force is impulse over step.
+    kinematic rung, which has none. In a step with an impact on a rigid rung a force is impulse over step.
     """
 
     bodies: tuple[tuple[str, str], ...]

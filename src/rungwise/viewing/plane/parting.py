@@ -51,8 +51,8 @@ def draw_parting(
     at: float | None = None,
     limit: float | None = None,
 ) -> Path:
-    """Draw the diagnosis `found` of a scene: both motions where they part, or at the time `at`, and where
-    they are farthest apart.
+    """Draw the diagnosis `found` of a scene: both motions when they begin to differ, or at the time `at`,
+    and when they are farthest apart.
 
     The runs are made again, with the inputs and accuracies of the diagnosis. `parameters` and
     `other_parameters` are those for which it was made. The kind of file (png, svg, pdf) follows from its

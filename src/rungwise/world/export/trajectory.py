@@ -34,7 +34,7 @@ class JointTrajectory(ByContent):
 
     names: coordinates of the scene; joints: what the model calls them, in the plane the same; time (m,):
     since the first; position, velocity (m, k): in the scene's units, angles in radians; effort (m, k): forces
-    and torques of drives, None where the rung knows none.
+    and torques of drives, None where the rung has none.
     """
 
     names: tuple[str, ...]
