@@ -21,6 +21,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "card": {},
     "corner_pivot": {},
     "corridor": {},
+    "door": {},
     "floor_push": {},
     "four_finger": {},
     "grasp": {},

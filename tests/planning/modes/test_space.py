@@ -228,7 +228,10 @@ def test_two_fingers_lead_a_box_on_a_floor_and_three_hold_one_above_it(tmp_path:
 
 @pytest.mark.parametrize(
     "name",
-    ["floor_push", *(pytest.param(name, marks=pytest.mark.long) for name in ("arm_turn", "block_turn"))],
+    [
+        "floor_push",
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("arm_turn", "block_turn", "door")),
+    ],
 )
 def test_a_scene_with_fingers_in_space_is_planned_and_holds_at_a_tenth_of_the_error(name: str) -> None:
     plan = rw.plan(name, seed=0, limit=300)
