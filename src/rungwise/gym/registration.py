@@ -26,6 +26,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "four_finger": {},
     "grasp": {},
     "gripper": {"bounds": {"squeeze": (0.0, 20.0), "v": (1e-6, 0.2)}},
+    "hand_turn": {},
     "micro_pick": {"bounds": {"v": (1e-9, 2e-4)}},
     "peg_in_hole": {},
     "planar_hand": {},

@@ -12,6 +12,7 @@ from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.planning.modes.hands.gaits import by_hand, hand_in
 from rungwise.planning.modes.planner import anew_on, mode_planner
 from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.objective import Aim
@@ -25,6 +26,8 @@ from rungwise.simulation.inputs import Segment
 
 SLOWER = (2.0, 4.0, 8.0)
 """How many times as slowly a schedule of servos' targets is run that fails as it is."""
+REGRASPED = 0.7
+"""Part of what is left in which a hand grasps anew."""
 CONTINUED = (0.01, 0.1, 0.4, 1.0)
 """Parts of a rung's inertia through which a plan is led to it."""
 
@@ -118,6 +121,18 @@ def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | Non
         return None
     try:
         return planner.led_again(before.vectors)
+    except TimeOver:
+        return None  # what is left of the time may still do for another repair
+
+
+def _regrasped(work: Work, predictor: Predictor, before: Before) -> Found | None:
+    """Another plan by cycles of a hand, each proposed from where the object really is on this stage."""
+    hand = None if before.is_by_modes else hand_in(work)
+    if hand is None:
+        return None
+    try:
+        with work.budget.part(REGRASPED):
+            return by_hand(work, predictor, hand)
     except TimeOver:
         return None  # what is left of the time may still do for another repair
 
@@ -258,6 +273,7 @@ def _after(work: Work, predictor: Predictor, vectors: Reals) -> Begun | None:
 REPAIRS = (
     Repair(_more_slowly, "held more slowly", of_moves=False, of_modes=True),
     Repair(_leg_by_leg, "planned again leg by leg", of_moves=False, of_modes=True),
+    Repair(_regrasped, "regrasped"),
     Repair(_by_moves, "repaired move by move"),
     Repair(_by_suffix, "repaired at its end"),
     Repair(_by_continuation, "repaired by growing inertia"),

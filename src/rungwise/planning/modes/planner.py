@@ -14,6 +14,8 @@ from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
+from rungwise.planning.modes.hands.gaits import by_hand, hand_in
+from rungwise.planning.modes.hands.hand import Hand
 from rungwise.planning.modes.tree import Leg, far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
@@ -88,7 +90,8 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
     less of the time where something is in the straight way of an object, and least at first."""
     planner = mode_planner(work, predictor)
     if planner is None:
-        return search(work, predictor)
+        hand = hand_in(work)
+        return search(work, predictor) if hand is None else _in_hand(work, predictor, hand)
     idle, slides = 0, not work.named.task.is_led and not len(work.path)
     share = EVENLY if slides and not planner.is_barred else BY_MODES
     others = share if share == EVENLY else AT_FIRST if slides else 1.0 - share
@@ -105,6 +108,25 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
             work.budget.look()
         others = share if share == EVENLY else 1.0 - share
         idle = idle + 1 if work.budget.outcomes.total() == runs else 0
+    return None
+
+
+def _in_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
+    """A new plan by cycles of a hand, and by searches of all inputs, in turns."""
+    while work.budget.left:
+        runs = work.budget.outcomes.total()
+        for share in (BY_MODES, 1.0 - BY_MODES):
+            try:
+                with work.budget.part(share):
+                    gaits = share == BY_MODES
+                    found = by_hand(work, predictor, hand) if gaits else search_once(work, predictor)
+            except TimeOver:
+                found = None
+            if found is not None:
+                return found
+            work.budget.look()
+        if work.budget.outcomes.total() == runs:
+            break
     return None
 
 

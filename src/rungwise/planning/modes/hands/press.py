@@ -1,0 +1,127 @@
+"""Forces with which fingers hold an object, and the joints' targets that make servos press so."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from rungwise.kernel import Reals
+from rungwise.planning.modes.hands.hand import Finger, Hand
+
+EDGES, KEPT = 8, 0.8
+"""Edges of a cone of friction in space, and the part of friction that is counted on."""
+FIRMLY = 0.5
+"""How much it counts that a finger presses as hard as it is to, beside what is out of balance."""
+STRONGEST = 0.6
+"""Part of its greatest force with which a servo presses at most."""
+SUPPORTS = 0.02
+"""Gap, in parts of the size, within which something supports the object."""
+CARRIED, LIGHT = 0.3, 1e-6
+"""What may be out of balance of a load that is carried, in parts of it; and loads that count as none, over
+the force of fingers."""
+
+
+class Hold(NamedTuple):
+    """Fingers that hold an object: forces (f, d) of their contacts, and what is out of balance, in parts of
+    how hard they press."""
+
+    forces: Reals
+    off: float
+
+
+def held(hand: Hand, q: Reals, pairs: list[int], press: float) -> Hold:
+    """Forces of contacts of fingers at a place (n_q,) that, with what supports the object, balance its load
+    best while each presses (non-negative least squares)."""
+    around, units = hand.around, _units(hand)
+    columns, owners = list[Reals](), list[int]()
+    ways = list[Reals]()
+    nears = [around.near(q, pair) for pair in pairs]
+    for k, near in enumerate(nears):
+        for edge in _edges(len(near.rows), near.friction):
+            columns.append(edge @ near.rows[:, hand.columns] / units)
+            owners.append(k)
+            ways.append(edge)
+    supports = _supports(hand, q)
+    columns += list(supports)
+    owners += [-1] * len(supports)
+    ways += [np.zeros(around.dimension)] * len(supports)
+    wrenches, belongs = np.array(columns).T, np.array(owners)
+    firm = np.array([belongs == k for k in range(len(pairs))]) * FIRMLY
+    load = around.loads(q)[hand.columns] / units
+    right = np.concatenate([-load, np.full(len(pairs), FIRMLY * press)])
+    found, _ = nnls(np.vstack([wrenches, firm]), right)
+    forces = np.array([found[belongs == k] @ np.array(ways)[belongs == k] for k in range(len(pairs))])
+    return Hold(forces, float(np.linalg.norm(wrenches @ found + load)) / press)
+
+
+def rests(hand: Hand, q: Reals, pairs: list[int], press: float) -> bool:
+    """Whether the object stays at a place (n_q,) with no other fingers than these contacts: nothing loads it,
+    or its load is balanced."""
+    load = float(np.linalg.norm(hand.around.loads(q)[hand.columns] / _units(hand)))
+    if load < LIGHT * press:
+        return True
+    return held(hand, q, pairs, load).off < CARRIED if pairs else _lies(hand, q, load)
+
+
+def _lies(hand: Hand, q: Reals, load: float) -> bool:
+    """Whether what supports the object carries it alone."""
+    rows = _supports(hand, q)
+    if not len(rows):
+        return False
+    _, off = nnls(rows.T, -hand.around.loads(q)[hand.columns] / _units(hand))
+    return bool(off < CARRIED * load)
+
+
+def _supports(hand: Hand, q: Reals) -> Reals:
+    """Wrenches (e, n_o) on the object along the edges of the cones of what supports it."""
+    around, units = hand.around, _units(hand)
+    touches = around.touches(q, SUPPORTS * hand.size)
+    rows = [
+        _edges(around.dimension, float(touches.friction[k]))
+        @ touches.rows[k][: around.dimension, hand.columns]
+        / units
+        for k in np.flatnonzero(np.isin(touches.pairs, list(hand.fixed))).tolist()
+    ]
+    return np.vstack(rows) if rows else np.zeros((0, len(hand.columns)))
+
+
+def targets(hand: Hand, finger: Finger, q: Reals, pair: int, force: Reals) -> Reals:
+    """Targets (k,) of a finger's servos at a place (n_q,) with which it presses by a force (d,) at a contact
+    and carries its own weight."""
+    rates, columns = finger.rates(q), finger.chain.columns
+    loads = rates.T @ hand.around.loads(q)[columns]
+    if pair >= 0:
+        loads = loads + rates.T @ (hand.around.near(q, pair).rows[:, columns].T @ force)
+    driven = finger.driven
+    most = STRONGEST * driven.servos.limit
+    return np.asarray(finger.chain.joints(q) - np.clip(loads, -most, most) / driven.servos.stiffness)
+
+
+def pressing(hand: Hand, finger: Finger, q: Reals, pair: int, deflection: float) -> float:
+    """The force with which a finger presses at a place (n_q,) where its servos yield by so many radians, or
+    parts of the size, as far as they are strong."""
+    normal = hand.around.near(q, pair).rows[0, finger.chain.columns] @ finger.rates(q)
+    driven = finger.driven
+    size = np.where(finger.chain.hinges, 1.0, hand.size)
+    yields = np.abs(normal) / (driven.servos.stiffness * size)
+    strength = np.abs(normal) / (STRONGEST * driven.servos.limit)
+    return float(1.0 / max(float(yields.max()) / deflection, float(strength.max()), 1e-12))
+
+
+def _edges(dimension: int, friction: float) -> Reals:
+    """Forces (e, d) along the edges of a cone: along the normal, and across it."""
+    mu = KEPT * friction
+    if dimension == 2:
+        return np.array([[1.0, mu], [1.0, -mu]])
+    around = 2.0 * math.pi * np.arange(EDGES) / EDGES
+    return np.column_stack([np.ones(EDGES), mu * np.cos(around), mu * np.sin(around)])
+
+
+def _units(hand: Hand) -> Reals:
+    """The size where an object turns, 1 where it moves (n_o,)."""
+    count = len(hand.columns)
+    moves = min(hand.around.dimension, count) if count in (3, 6) else count
+    return np.where(np.arange(count) < moves, 1.0, hand.size)

@@ -1,0 +1,167 @@
+"""Cycles of a hand: fingers hold an object, turn it, let go and hold it anew, in the plane and in space."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
+from rungwise.planning.modes.hands.gaits import by_hand, hand_in
+from rungwise.planning.modes.hands.hand import Hand, hand_of
+from rungwise.planning.modes.hands.press import held, rests, targets
+from rungwise.planning.modes.hands.touch import CLOSED, closed, followed, opened
+from rungwise.planning.motion.budget import Budget, Stage
+from rungwise.planning.search.goals import goals_of
+from rungwise.planning.search.problem import begin
+from rungwise.planning.task.task import Task, task_of
+from rungwise.world.find import world_of
+
+BALL = '<geom name="ball" type="sphere" size="0.04" mass="0.1" condim="4" friction="0.8 0.004 0.0001"/>'
+CUBE = '<geom name="ball" type="box" size="0.03 0.03 0.03" mass="0.1"/>'
+
+
+def _planar(turn: float) -> Any:
+    """Two fingers of two links, without gravity, whose task does not name them, about a disc."""
+    data = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
+    del data["task"]["fingers"]
+    data["task"] |= {"moves": [1, 40], "duration": ["0.05 / rate", "0.3 / rate"]}
+    data["parameters"]["turn"]["default"] = turn
+    return rw.load(data)
+
+
+def _cube(folder: Path) -> Any:
+    """The hand of four fingers with a cube in place of the ball."""
+    own = Path(rw.__file__).parent / "scene" / "library" / "space"
+    text = (own / "hand_turn.xml").read_text()
+    assert BALL in text and text.count("0 0 0.04") == 2
+    (folder / "hand_turn.xml").write_text(text.replace(BALL, CUBE).replace("0 0 0.04", "0 0 0.03"))
+    (folder / "cube.yaml").write_text((own / "hand_turn.yaml").read_text())
+    return rw.load(folder / "cube.yaml")
+
+
+def _hand(task: Task) -> tuple[Hand, np.ndarray]:
+    hand = hand_of(task)
+    assert hand is not None
+    return hand, np.asarray(world_of(task.scene).at(task.parameters).q)
+
+
+def _plan(scene: Any, rung: str, seed: int, steps: int, **parameters: float) -> Any:
+    work = begin(task_of(scene, parameters), Budget(steps, None), seed, 1)
+    predictor = work.predictor(Stage(next(m for m in rw.LADDER if m.name == rung), 1e-2))
+    hand = hand_in(work)
+    assert hand is not None
+    found = by_hand(work, predictor, hand)
+    assert found is not None, work.nearest
+    return found
+
+
+def test_a_hand_has_the_chains_that_no_other_continues() -> None:
+    hand, _ = _hand(task_of(rw.load("hand_turn")))
+    assert [finger.driven.body for finger in hand.fingers] == [
+        f"{name}_tip" for name in ("first", "second", "third", "thumb")
+    ]
+    assert all(len(finger.loose) == 4 and finger.loose.all() for finger in hand.fingers)
+    assert all(len(finger.bodies) == 4 and len(finger.touching) == 1 for finger in hand.fingers)
+    # Ranges of the inputs, not of the joints' travel alone.
+    np.testing.assert_allclose(hand.fingers[0].low, [-0.5, -1.2, 0.0, 0.0], atol=1e-12)
+    plane, _ = _hand(task_of(_planar(0.5)))
+    assert len(plane.fingers) == 2 and all(len(finger.loose) == 2 for finger in plane.fingers)
+
+
+@pytest.mark.parametrize("name", ["push", "floor_push", "three_finger_lift"])
+def test_what_carriers_lead_or_fewer_than_two_chains_is_no_hand(name: str) -> None:
+    task = task_of(rw.load(name))
+    hand = hand_of(task)
+    assert hand is None or len(hand.fingers) >= 2
+    assert not task.carriers or hand is None
+
+
+@pytest.mark.parametrize("plane", [True, False])
+def test_a_finger_follows_the_object_and_neither_opens_nor_slips(plane: bool) -> None:
+    task = task_of(_planar(0.5) if plane else rw.load("hand_turn"))
+    hand, q = _hand(task)
+    finger, rng = hand.fingers[0], np.random.default_rng(0)
+    for _ in range(40):
+        drawn = finger.low + (finger.high - finger.low) * rng.random(len(finger.low))
+        place = closed(hand, finger, finger.posed(q, drawn), finger.touching[0])
+        if place is None:
+            continue
+        change = np.zeros(len(hand.around.owners))
+        change[hand.columns[-1]] = 0.1
+        touch = followed(hand, finger, place, finger.touching[0], change, 4, finger.chain.joints(q))
+        if touch.steps == 4:
+            break
+    else:
+        pytest.fail("no posture follows")
+    moved = finger.posed(hand.around.changed(place, change), touch.joints[-1])
+    begun, now = (hand.around.near(at, finger.touching[0]) for at in (place, moved))
+    assert abs(begun.gap) < CLOSED * hand.size and abs(now.gap) < 2.0 * CLOSED * hand.size
+    # The finger went with the object's surface.
+    rate = begun.rows[1:, hand.columns] @ change[hand.columns]
+    gone = begun.rows[1:, finger.chain.columns] @ finger.rates(place) @ (touch.joints[-1] - touch.joints[0])
+    assert np.linalg.norm(rate + gone) < 0.3 * np.linalg.norm(rate)
+    away = opened(hand, finger, place, 0.2 * hand.size)
+    assert hand.around.near(away, finger.touching[0]).gap > 0.1 * hand.size
+
+
+def test_forces_of_a_hold_balance_the_load_and_stay_in_their_cones() -> None:
+    hand, q = _hand(task_of(rw.load("hand_turn")))
+    rng, pairs, place = np.random.default_rng(1), list[int](), q
+    for finger in (hand.fingers[1], hand.fingers[3]):
+        found = None
+        while found is None:
+            drawn = finger.low + (finger.high - finger.low) * rng.random(4)
+            found = closed(hand, finger, finger.posed(place, drawn), finger.touching[0])
+        place = found
+        pairs.append(finger.touching[0])
+    hold = held(hand, place, pairs, 2.0)
+    for pair, force in zip(pairs, hold.forces, strict=True):
+        assert (
+            force[0] >= 0.0 and np.linalg.norm(force[1:]) <= hand.around.near(place, pair).friction * force[0]
+        )
+    # The palm carries the ball without fingers, and nothing does in the air.
+    assert rests(hand, q, [], 1.0)
+    lifted = q.copy()
+    lifted[2] += 0.03
+    assert not rests(hand, lifted, [], 1.0)
+    # Servos press by the force: what is left of their torque is the finger's own weight.
+    finger = hand.fingers[3]
+    pressed = targets(hand, finger, place, pairs[1], hold.forces[1])
+    alone = targets(hand, finger, place, -1, np.zeros(0))
+    torque = (pressed - alone) * finger.driven.servos.stiffness
+    rows = hand.around.near(place, pairs[1]).rows[:, finger.chain.columns]
+    np.testing.assert_allclose(torque, -rows.T @ hold.forces[1], atol=1e-9)
+
+
+def test_cycles_are_within_the_bounds_of_inputs_and_lead_towards_the_goal() -> None:
+    task = task_of(rw.load("hand_turn"))
+    work = begin(task, Budget(1000, None), 0, 1)
+    hand, q = _hand(task)
+    goal = goals_of(work)[0]
+    wanted = wish(hand, q, goal)
+    assert np.degrees(wanted.change[hand.columns[-1]]) == pytest.approx(56.0, abs=5.0)
+    rng = np.random.default_rng(0)
+    for cycle in Cycles(hand, q).proposals(q, goal, 3, rng):
+        rows = np.array([inputs(hand, task.before, joints) for joints in cycle])
+        assert rows.shape[1] == len(task.low) and np.isfinite(rows).all()
+        # The same inputs from the same joints: what leads no finger stays.
+        assert len(cycle) >= 3
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(("turn", "seed"), [(0.8, 0), (-0.8, 1), (2.0, 0), (2.0, 1)])
+def test_two_fingers_turn_a_disc_as_far_as_is_asked(turn: float, seed: int) -> None:
+    found = _plan(_planar(turn), "quasistatic-compliant", seed, 20_000)
+    assert found.course.reached
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("turn", "seed"), [(30.0, 0), (60.0, 1), (90.0, 2), (-90.0, 0)])
+@pytest.mark.parametrize("cube", [False, True])
+def test_four_fingers_turn_what_lies_in_the_palm(cube: bool, turn: float, seed: int, tmp_path: Path) -> None:
+    scene = _cube(tmp_path) if cube else rw.load("hand_turn")
+    _plan(scene, "dynamic-compliant", seed, 10_000, turn=turn)
