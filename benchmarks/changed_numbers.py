@@ -19,31 +19,32 @@ PACKAGE = Path(__file__).parents[1] / "src/rungwise"
 Factors = Mapping[str, Mapping[str, float]]
 """Factors by file below the package, then by name."""
 
-TIMES = """
-def _times(value, by):
+
+def times(value: Any, by: float) -> Any:
+    """A number, or numbers, times a factor. Counts stay at least 1, parts of a whole stay parts (their odds
+    are multiplied), and factors of growth stay above 1 (what they add is)."""
     if isinstance(value, tuple):
-        return tuple(_times(each, by) for each in value)
+        return tuple(times(each, by) for each in value)
     if isinstance(value, int):
         return max(1, round(value * by))
     if 0.0 < value < 1.0:
         return by * value / (1.0 - value + by * value)
     return 1.0 + (value - 1.0) * by if value > 1.0 else value * by
-"""
-"""Counts stay at least 1, parts of a whole stay parts (their odds are multiplied), and factors of growth stay
-above 1 (what they add is)."""
 
 
 def changed(text: str, factors: Mapping[str, float]) -> str:
-    """A module's text in which numbers are changed directly after they are named."""
-    lines, after = text.split("\n"), dict[int, list[str]]()
+    """A module's text in which numbers are changed directly after they are named, on the same line."""
+    lines, count = text.split("\n"), 0
     for statement in ast.parse(text).body:
-        for name in named(statement):
-            if name in factors:
-                line = f"{name} = _times({name}, {factors[name]!r})"
-                after.setdefault(statement.end_lineno or 0, []).append(line)
-    assert sum(map(len, after.values())) == len(factors), sorted(factors)
-    for first, at in enumerate(sorted(after, reverse=True), 1 - len(after)):
-        lines[at:at] = [*([] if first else TIMES.split("\n")), *after[at]]
+        own = [name for name in named(statement) if name in factors]
+        count += len(own)
+        if own:
+            last, end = (statement.end_lineno or 1) - 1, statement.end_col_offset
+            after = "".join(f"; {name} = _times({name}, {factors[name]!r})" for name in own)
+            lines[last] = (
+                f"{lines[last][:end]}; from changed_numbers import times as _times{after}{lines[last][end:]}"
+            )
+    assert count == len(factors), sorted(factors)
     return "\n".join(lines)
 
 
