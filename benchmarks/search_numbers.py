@@ -107,10 +107,11 @@ def ratio(before: dict[str, Any], after: dict[str, Any]) -> float:
 
 
 def of_kinds(before: dict[str, Any], after: dict[str, Any]) -> str:
-    """The mean ratios of work, kind by kind, in words."""
+    """The mean ratios of work, kind by kind, in brackets; nothing where no kind counts its work."""
     kinds = dict.fromkeys(name.partition(":")[0] for name, answer in before.items() if answer[3])
     of_kind = {kind: {name: each for name, each in before.items() if name.startswith(kind)} for kind in kinds}
-    return ", ".join(f"{kind} {ratio(own, after):.2f}" for kind, own in of_kind.items())
+    words = ", ".join(f"{kind} {ratio(own, after):.2f}" for kind, own in of_kind.items())
+    return f" ({words})" if words else ""
 
 
 def blamed(which: Sequence[Number], loses: Callable[[Sequence[Number]], bool]) -> list[Number]:
@@ -167,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         most = max(most, len(gone))
         print(
             f"draw {draw}: {len(which)} numbers, {len(before) - len(gone)} of {len(before)} answers stay,"
-            f" {ratio(before, after):.2f} times the work ({of_kinds(before, after)})",
+            f" {ratio(before, after):.2f} times the work{of_kinds(before, after)}",
             flush=True,
         )
         if given.kernels:
