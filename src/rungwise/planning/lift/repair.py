@@ -92,7 +92,7 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
 
 def _held(work: Work, predictor: Predictor, before: Before) -> Found | None:
     """The same plan: its schedule as it is, or its moves laid out anew."""
-    course = _replayed(work, predictor, before)
+    course = _replayed(work, work.predictor(predictor.stage, quick=False), before)
     if (course is None or not course.reached) and not before.is_by_modes:
         course = laid(work, predictor, before.vectors)
     reached = course is not None and course.reached
@@ -139,7 +139,7 @@ def _regrasped(work: Work, predictor: Predictor, before: Before) -> Found | None
 
 def _within_the_reserve(work: Work, predictor: Predictor, before: Before) -> Found | None:
     """The schedule as it is, if it comes to the goal as it is given, though not with the task's reserve."""
-    course = _replayed(work, work.predictor(predictor.stage, reserve=False), before)
+    course = _replayed(work, work.predictor(predictor.stage, reserve=False, quick=False), before)
     if course is None or not course.reached:
         return None
     return Found(course, before.vectors[: len(course.counts)])

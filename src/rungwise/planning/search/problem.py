@@ -100,12 +100,13 @@ class Work:
         rng = np.random.default_rng(self.seed)
         return placing.goals(rng, self.budget.is_in_time, count=GOALS).places[:NEAREST]
 
-    def predictor(self, stage: Stage, *, reserve: bool = True) -> Predictor:
-        """Runs on a stage; without the reserve, of the goal as it is given."""
+    def predictor(self, stage: Stage, *, reserve: bool = True, quick: bool = True) -> Predictor:
+        """Runs on a stage; without the reserve, of the goal as it is given; quick ones end where they take
+        long."""
         scene = self.task.search if reserve else guarded_scene(self.task.scene)
         return Predictor(
             scene, stage, stage.tol * self.size, self.task.parameters, self.budget, self.threads,
-            span=self.task.span,
+            quick=quick, span=self.task.span,
         )  # fmt: skip
 
     def came_near(self, lack: float, q: Reals) -> None:
