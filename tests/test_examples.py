@@ -116,7 +116,7 @@ def test_random_pushes_keep_what_tol_promises_in_any_frame(monkeypatch: Patch, c
 def test_hierarchy_benchmark(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/hierarchy.py", monkeypatch)
     assert benchmark.main(["--scenes", "two_finger_free"], samples=0) == 0
-    assert "two_finger_free: 1 runs" in capsys.readouterr().out
+    assert "two_finger_free: 1 run;" in capsys.readouterr().out
 
 
 def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
