@@ -116,4 +116,4 @@ def test_the_command_fits_and_writes_the_scene(
     assert run(*command, "--deviation", "square.x") == 2
     assert "deviation: 'square.x' must be name=number" in capsys.readouterr().err
     assert run(*command, "--resume") == 2
-    assert "resume: needs --out, the folder to go on in" in capsys.readouterr().err
+    assert "resume: needs --out, the folder with the kept batches" in capsys.readouterr().err

@@ -207,7 +207,7 @@ def test_counterexamples_are_files_that_can_be_repeated(pushed: rw.Scene, tmp_pa
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"format": "rungwise counterexample 1", "words": 3}'])
 def test_files_that_hold_no_counterexample(tmp_path: File, text: str) -> None:
     (tmp_path / "x.json").write_text(text)
-    with pytest.raises(rw.InputError, match=r"counterexample: 'x.json' holds none"):
+    with pytest.raises(rw.InputError, match=r"counterexample: 'x.json' holds no saved counterexample"):
         rw.load_counterexample(tmp_path / "x.json")
 
 
