@@ -29,7 +29,7 @@ FILES = {
 """Read or write what is there."""
 NAMES = {
     "add_world", "balance", "bind", "bind_values", "body", "boxes", "called", "changed", "check_begun",
-    "checked", "contact",
+    "checked", "contact", "counted_in",
     "data", "designed", "equals", "goal", "holds_on", "how", "joint", "lcp", "levels", "local", "mlcp",
     "names", "normalise", "numbers", "observe", "of", "of_step", "parameter", "parameters", "potential",
     "record", "restart",
