@@ -16,8 +16,8 @@ START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
 
 
 def compare(found: rw.Rollouts, least: int) -> None:
-    """Jams of rollouts are jams of runs, at the same place, after not many more attempts at steps; one of them
-    may crawl for some hundreds, where steps without solution alternate with others as short."""
+    """Jams of rollouts are jams of runs, at the same place, after not many more attempts at steps; one of
+    them may crawl for some hundreds, where steps without solution alternate with others as short."""
     jammed = np.flatnonzero(found.outcome == rw.Code.JAMMED)
     assert len(jammed) >= least
     crawling = 0
