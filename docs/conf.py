@@ -42,7 +42,7 @@ default_role = "code"
 autosummary_generate = True
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
+autodoc_preserve_defaults = False  # signatures that are made from lists have more defaults than their source
 
 templates_path = ["_templates"]
 
