@@ -132,3 +132,12 @@ def _finger(number: int) -> dict[str, Any]:
         "pose": {"x": x, "y": y}, "motion": {"kind": "free"},
         "coordinates": {"x": spring(x), "y": spring(y), "angle": {"drive": {"kind": "speed", "speed": 0}}},
     }  # fmt: skip
+
+
+def unnamed_hand(turn: float, moves: int) -> rw.Scene:
+    """Two fingers of two links, which the task does not call fingers, turn a disc by an angle."""
+    data = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
+    del data["task"]["fingers"]
+    data["task"] |= {"moves": [1, moves], "duration": ["0.05 / rate", "0.3 / rate"]}
+    data["parameters"]["turn"]["default"] = turn
+    return rw.load(data)

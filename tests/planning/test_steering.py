@@ -1,7 +1,5 @@
 """Steering: models of moves nearby lead objects to their goal."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from rungwise.planning.search.problem import begin
 from rungwise.planning.search.steering import SPREAD, Steering, fitted, nearest_change
 from rungwise.planning.search.tree import grow
 from rungwise.planning.task.task import task_of
+from tests.planning.members import unnamed_hand
 
 
 def test_a_model_of_linear_ends_has_their_slopes() -> None:
@@ -43,21 +42,12 @@ def test_a_change_is_none_where_no_input_has_room() -> None:
     assert not nearest_change(np.ones((2, 1)), np.ones(1), np.array([1.0, 1.0]), 0.1).any()
 
 
-def _hand(turn: float) -> Any:
-    """Two fingers of two links whose task does not say that they are fingers, to turn a disc by an angle."""
-    data = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
-    del data["task"]["fingers"]
-    data["task"] |= {"moves": [1, 20], "duration": ["0.05 / rate", "0.3 / rate"]}
-    data["parameters"]["turn"]["default"] = turn
-    return rw.load(data)
-
-
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("turn", "seed"), [(0.35, 0), (0.35, 1), (0.35, 2), (-0.35, 0), (-0.35, 1), (0.5, 0)]
 )
 def test_a_disc_is_turned_by_two_fingers_that_roll_on_it(turn: float, seed: int) -> None:
-    task = task_of(_hand(turn))
+    task = task_of(unnamed_hand(turn, 20))
     work = begin(task, Budget(40_000), seed, 2)
     predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
     steering, rng = Steering(task, goals_of(work)), np.random.default_rng(seed)
