@@ -29,8 +29,10 @@ def _cube(folder: Path) -> Any:
     """The hand of four fingers with a cube in place of the ball."""
     own = Path(rw.__file__).parent / "scene" / "library" / "space"
     text = (own / "hand_turn.xml").read_text()
-    assert BALL in text and text.count("0 0 0.04") == 2
-    (folder / "hand_turn.xml").write_text(text.replace(BALL, CUBE).replace("0 0 0.04", "0 0 0.03"))
+    for ball, cube in ((BALL, CUBE), ('"0 0 0.04"', '"0 0 0.03"'), ('"0 0 0.04 1 ', '"0 0 0.03 1 ')):
+        assert text.count(ball) == 1
+        text = text.replace(ball, cube)
+    (folder / "hand_turn.xml").write_text(text)
     (folder / "cube.yaml").write_text((own / "hand_turn.yaml").read_text())
     return rw.load(folder / "cube.yaml")
 
