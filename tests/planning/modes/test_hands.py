@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.planning.modes.hands import described
 from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
 from rungwise.planning.modes.hands.hand import Hand, hand_of
@@ -17,6 +18,7 @@ from rungwise.planning.modes.hands.touch import CLOSED, closed, followed, opened
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import begin
+from rungwise.planning.task.fingers import taken
 from rungwise.planning.task.task import Task, task_of
 from rungwise.world.find import world_of
 from tests.planning.members import unnamed_hand
@@ -64,6 +66,24 @@ def test_a_hand_has_the_chains_that_no_other_continues() -> None:
     np.testing.assert_allclose(hand.fingers[0].low, [-0.5, -1.2, 0.0, 0.0], atol=1e-12)
     plane, _ = _hand(task_of(unnamed_hand(0.5, 40)))
     assert len(plane.fingers) == 2 and all(len(finger.loose) == 2 for finger in plane.fingers)
+
+
+def test_what_is_told_of_a_hand_names_its_fingers_and_calls_no_link_of_it_none() -> None:
+    task = task_of(rw.load("hand_turn"))
+    hand = described.turning(task)
+    assert hand is not None
+    lines = described.described(task, hand)
+    assert lines[0] == "hand that leads ball: chains of joints on servos"
+    inputs = "thumb_aside, thumb_root, thumb_knuckle, thumb_end"
+    assert lines[4].split(maxsplit=1) == ["thumb_tip", f"led by {inputs}; touches with thumb_tip"]
+    said = described.summary(task, hand)["hand"]
+    assert said["object"] == "ball" and list(said["fingers"]) == [
+        f"{name}_tip" for name in ("first", "second", "third", "thumb")
+    ]
+    assert taken(task).others and not described.without_links(task, hand, taken(task)).others
+    # Contact modes lead the fingers that a task names.
+    assert described.turning(task_of(rw.load("planar_hand"))) is None
+    assert described.turning(task_of(unnamed_hand(0.5, 40))) is not None
 
 
 @pytest.mark.parametrize("name", ["push", "floor_push", "three_finger_lift"])

@@ -23,6 +23,7 @@ def check(
 
     Example: rungwise check gripper"""
     from rungwise.models.ladder import KINEMATIC
+    from rungwise.planning.modes.hands import described as hands
     from rungwise.planning.task.described import described, summary
     from rungwise.planning.task.fingers import taken
     from rungwise.planning.task.task import task_of
@@ -35,13 +36,22 @@ def check(
         world = world_of(loaded)
         report = world.describe(parameters)
         is_planned = loaded.file.task is not None and loaded.file.goal is not None and loaded.file.inputs
-        found = taken(task_of(loaded, parameters)) if is_planned else None
+        task = task_of(loaded, parameters) if is_planned else None
+        found = None if task is None else taken(task)
+        hand = None if task is None else hands.turning(task)
         start = simulation_of(loaded, KINEMATIC, parameters=parameters, frames=3).result()
     if start.outcome.name == "invalid":
         refuse(start.reason)
     notes, fingers = list(start.notes), []
-    if found is not None:
-        report, notes, fingers = report | summary(found), notes + list(found.notes), described(found)
+    if task is not None and found is not None:
+        if hand is not None:
+            found = hands.without_links(task, hand, found)
+            report, fingers = report | hands.summary(task, hand), hands.described(task, hand)
+        report, notes, fingers = (
+            report | summary(found),
+            notes + list(found.notes),
+            fingers + described(found),
+        )
     if as_json:
         show_json(report | {"notes": notes})
     else:
