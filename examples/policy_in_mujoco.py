@@ -36,7 +36,7 @@ def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, durat
 
 
 def main() -> None:
-    plan = rw.plan("floor_push", seed=0)
+    plan = rw.plan("floor_push", seed=1)
     policy = plan.policy()
     rows, durations = plan.levels()
     start = np.array([plan.parameters[name] for name in plan.scene.template.inputs])
