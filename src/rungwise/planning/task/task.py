@@ -363,12 +363,12 @@ def _bounds(scene: AnyScene, fields: TaskFields, numbers: Mapping[str, float]) -
     """Bounds and rates (u,) of the scene's inputs."""
     rows = []
     for name in scene.template.inputs:
-        path = f"task.inputs.{name}"
+        path = f"task.inputs.{next((each for each in fields.inputs if fnmatchcase(name, each)), name)}"
         low, high = scene.file.parameters[name].range or (-math.inf, math.inf)
-        if name in fields.inputs:
+        if f"{path}.range.0" in numbers:
             least, most = pair(numbers, f"{path}.range")
             if not low <= least <= most <= high:
-                raise TaskError(f"{path}.range: must lie in the parameter's range, {low:g} to {high:g}")
+                raise TaskError(f"{path}.range: must lie in the range of {name}, {low:g} to {high:g}")
             low, high = least, most
         if not math.isfinite(low + high):
             raise TaskError(f"{path}: needs a range, because the parameter has none")

@@ -33,9 +33,10 @@ class Spread(Strict):
 
 
 class Bounds(Strict):
-    """Least and greatest value of an input, and how fast it may change."""
+    """Least and greatest value of an input, those of the parameter if not given, and how fast it may
+    change."""
 
-    range: Pair
+    range: Pair | None = None
     rate: Number | None = None
 
 
@@ -86,7 +87,8 @@ class Task(Strict):
 
     instances: how the parameters of an instance are drawn, again and again until `where` holds at the start
     and bodies are apart; uncertain: how starts, parameters and inputs vary about an instance; inputs: bounds
-    and rates (if not given, the ranges of the parameters); transit: robots that may go anywhere; fingers: the
+    and rates by patterns of names, of which the first that fits an input holds (if not given, the ranges of
+    the parameters); transit: robots that may go anywhere; fingers: the
     same for contact modes, by patterns of names, of which the first that fits a robot holds; keep_out:
     conditions that must not hold; moves: least and greatest number of moves; duration: least and greatest, of
     one move of a task without transit (up to the scene's duration, if not given); weights: of the coordinates
@@ -96,7 +98,7 @@ class Task(Strict):
     instances: dict[Name, Spread] = {}
     where: Text | None = None
     uncertain: dict[Name, Spread] = {}
-    inputs: dict[Name, Bounds] = {}
+    inputs: dict[Pattern, Bounds] = {}
     transit: dict[Name, Transit] = {}
     fingers: dict[Pattern, Finger] = {}
     keep_out: tuple[Text, ...] = ()
@@ -130,7 +132,8 @@ def _numbers(task: Task) -> Iterator[Place]:
                 least = 0.0 if kind == "normal" and k == 1 else -math.inf
                 yield Place(f"task.{table}.{name}.{kind}.{k}", number, least)
     for name, bounds in task.inputs.items():
-        yield from (Place(f"task.inputs.{name}.range.{k}", number) for k, number in enumerate(bounds.range))
+        ends = enumerate(bounds.range or ())
+        yield from (Place(f"task.inputs.{name}.range.{k}", number) for k, number in ends)
         if bounds.rate is not None:
             yield Place(f"task.inputs.{name}.rate", bounds.rate, above=0.0)
     for name, transit in task.transit.items():

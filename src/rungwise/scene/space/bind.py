@@ -15,10 +15,11 @@ from rungwise.kernel import Ints, Reals
 from rungwise.scene.errors import SceneError
 from rungwise.scene.language.expression import STACK, Programs, evaluate
 from rungwise.scene.scene import InvalidScene
+from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import contact_laws, sides_of
-from rungwise.scene.space.model import change, compiled, model_path, read_spec, targets
+from rungwise.scene.space.model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
 from rungwise.scene.space.settled import settled
@@ -129,8 +130,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
     """The specification that a scene is bound from, and the scene bound."""
     file = scene.file
     number = Numbers(scene.template.names(), values)
-    path = model_path(file.model.file, scene.folder)
-    spec = read_spec(path)
+    spec, path, notes = assembled(file.model, scene.folder, number)
     change(targets(spec, file.model.set), number.one)
     try:
         model = compiled(spec, path)
@@ -140,9 +140,8 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         raise InvalidScene(str(error)) from None
     place, motion, control = _start(scene, model, number)
     key = _keyframe(scene, model)
-    notes: tuple[str, ...] = ()
     if spec.compiler.balanceinertia and path.suffix.lower() == ".urdf":
-        notes = ("model: inertias that no body can have were balanced: equal about all axes",)
+        notes = (f"model: {BALANCED}", *notes)
     if file.start.settle:
         fused = path.suffix.lower() == ".urdf"
         model, place, moved = settled(spec, model, scene.labels, place, fused)
@@ -176,7 +175,12 @@ def check_names(scene: Source, spec: mujoco.MjSpec, model: mujoco.MjModel) -> No
             _number_of(name, known, f"{path}.{name}")
     bounds = {name: getattr(file, name) for name in ("tolerance", "duration", "step")}
     laws = [entry.model_dump(exclude={"between"}) for entry in file.contacts]
+    parts = {
+        name: part.model_dump(exclude={"file"}) for name, part in file.model.parts.items()
+    }  # fmt: skip
+    servos = {name: servo.model_dump() for name, servo in file.model.servos.items()}
     rest = {"model.set": file.model.set.model_dump(), "contacts": laws}
+    rest |= {"model.parts": parts, "model.servos": servos}
     start = {"start.places": file.start.places, "start.velocities": file.start.velocities}
     for path, text in _expressions(bounds | rest | start):
         names.number(text, path)

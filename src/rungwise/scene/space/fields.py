@@ -31,7 +31,8 @@ Settings = dict[Text, dict[Text, Numbers]]
 
 
 class Changes(Strict):
-    """Fields of the model that numbers of the scene replace, in the names and units of the model file."""
+    """Fields of the model that numbers of the scene replace, in the names and units of the model file. Names
+    of elements may use ``*``; what stands last holds."""
 
     geoms: Settings = {}
     bodies: Settings = {}
@@ -41,11 +42,39 @@ class Changes(Strict):
     option: dict[Text, Numbers] = {}
 
 
-class Model(Strict):
-    """An MJCF or URDF file, looked for beside the scene and among the models that ship; or in a package, as
-    ``package:path``."""
+Triple = tuple[Number, Number, Number]
+
+
+class Part(Strict):
+    """A further model in the first one's world: its file, found as the first one's, and where its own world
+    is, as ``origin`` says in URDF: `xyz` in metres, and `rpy` in radians, about the fixed axes x, y and z in
+    this order."""
 
     file: Text
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (0.0, 0.0, 0.0)
+
+
+class Servo(Strict):
+    """A servo for each joint that no actuator drives: `stiffness` (N m/rad, or N/m), `damping` (N m s/rad, or
+    N s/m), and its greatest `force` (N m, or N)."""
+
+    stiffness: Number
+    damping: Number = 0.0
+    force: Number | None = None
+
+
+class Model(Strict):
+    """An MJCF or URDF file, looked for beside the scene and among the models that ship; or in a package, as
+    ``package:path`` or ``package://NAME/path``.
+
+    `parts` are further models, whose names get the name of the part and ``_`` before them; `servos` are put
+    on joints by patterns of names, the first that fits holds; `set` replaces numbers.
+    """
+
+    file: Text
+    parts: dict[Name, Part] = {}
+    servos: dict[Pattern, Servo] = {}
     set: Changes = Changes()
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from fnmatch import fnmatchcase
 from importlib import import_module
 from importlib.resources import files
 from importlib.util import find_spec
@@ -18,7 +19,7 @@ from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.scene.space.fields import Changes, Numbers
 from rungwise.scene.space.numbers import check_numbers
-from rungwise.scene.space.packages import with_places
+from rungwise.scene.space.packages import in_package, with_places
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -43,15 +44,15 @@ def library() -> Any:
         raise InputError("scene: scenes in space need MuJoCo: pip install 'rungwise[space]'") from None
 
 
-def model_path(name: str, folder: Path) -> Path:
-    """Where a model file lies. Raises SceneError."""
+def model_path(name: str, folder: Path, field: str = "model.file") -> Path:
+    """Where a model file lies. Raises SceneError, at the field."""
     package, colon, inner = name.partition(":")
+    if colon and inner.startswith("//"):
+        return in_package(inner.lstrip("/"), name, folder / "scene", field)
     if colon and package.isidentifier():
         spec = find_spec(package)
         if spec is None or not spec.submodule_search_locations:
-            raise SceneError(
-                f"model.file: {shown(name)} lies in the package {package}, which is not installed"
-            )
+            raise SceneError(f"{field}: {shown(name)} lies in the package {package}, which is not installed")
         found = Path(spec.submodule_search_locations[0]) / inner
         candidates = [found]
     else:
@@ -59,7 +60,7 @@ def model_path(name: str, folder: Path) -> Path:
     for path in candidates:
         if path.is_file():
             return path
-    raise SceneError(f"model.file: {shown(name)} is {no_file(candidates[0])}")
+    raise SceneError(f"{field}: {shown(name)} is {no_file(candidates[0])}")
 
 
 def no_file(path: Path) -> str:
@@ -129,14 +130,24 @@ def targets(spec: mujoco.MjSpec, changes: Changes) -> list[Target]:
         known = {each.name: each for each in getattr(spec, group) if each.name}
         for name, fields in getattr(changes, group).items():
             path = f"model.set.{group}.{name}"
-            if name not in known:
+            fitting = named(name, known)
+            if not fitting:
                 raise SceneError(f"{path}: unknown {kind}{choices(name, known)}")
-            found += [Target(f"{path}.{key}", known[name], key, given) for key, given in fields.items()]
+            found += [
+                Target(f"{path}.{key}", known[each], key, given)
+                for each in fitting for key, given in fields.items()
+            ]  # fmt: skip
     option = changes.option.items()
     found += [Target(f"model.set.option.{key}", spec.option, key, given) for key, given in option]
     for target in found:
         _check(target)
     return found
+
+
+def named(pattern: str, names: Iterable[str]) -> list[str]:
+    """The names that a pattern fits; the one that it is, if it is one."""
+    every = list(names)
+    return [pattern] if pattern in every else [name for name in every if fnmatchcase(name, pattern)]
 
 
 def _check(target: Target) -> None:

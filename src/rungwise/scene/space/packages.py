@@ -35,19 +35,27 @@ def with_places(text: str, path: Path) -> str | None:
 
     def placed(found: re.Match[str]) -> str:
         package, inner, quote = found["package"], found["inner"], found["quote"]
-        for folder in _folders(package, path):
-            if (folder / inner).is_file():
-                return f"{quote}{folder / inner}{quote}"
-        raise SceneError(
-            f"model: {path.name!r}: {shown(f'package://{package}/{inner}')} is no file beside it or above it,"
-            f" in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, or in an installed package {package}"
-        )
+        own = in_package(f"{package}/{inner}", f"package://{package}/{inner}", path, f"model: {path.name!r}")
+        return f"{quote}{own}{quote}"
 
     def beside(found: re.Match[str]) -> str:
         own = path.parent.resolve() / found["name"]
         return f"filename={found['quote']}{own}{found['quote']}" if own.is_file() else found[0]
 
     return NAMED.sub(placed, FILE.sub(beside, text))
+
+
+def in_package(inner: str, name: str, path: Path, field: str) -> Path:
+    """Where the file PACKAGE/path is that the file at `path` names. Raises SceneError, at the `field`, where
+    it is nowhere."""
+    package, _, rest = inner.partition("/")
+    for folder in _folders(package, path):
+        if (folder / rest).is_file():
+            return folder / rest
+    raise SceneError(
+        f"{field}: {shown(name)} is no file beside it or above it, in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, or"
+        f" in an installed package {package}"
+    )
 
 
 def _folders(package: str, path: Path) -> Iterator[Path]:

@@ -13,10 +13,11 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.language.expression import CONSTANTS, FUNCTIONS
 from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.scene import explain, read_yaml
+from rungwise.scene.space.assembly.parts import assembled
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, as_labels, label, labels
-from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
+from rungwise.scene.space.model import LIBRARY, compiled, no_file
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
 from rungwise.scene.stated import NameTemplate
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 MODELS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
+OF_JOINT = 0
+"""MuJoCo's number of actuators on joints."""
 
 
 def is_space(source: object) -> bool:
@@ -80,8 +83,7 @@ def _checked(data: Any) -> SpaceFile:
 
 def _scene(data: Any, folder: Path) -> SpaceScene:
     file = _checked(data)
-    path = model_path(file.model.file, folder)
-    spec = read_spec(path)
+    spec, path, _ = assembled(file.model, folder)
     model = compiled(spec, path)
     refuse(model)
     names = labels(model)
@@ -151,7 +153,8 @@ def _of_model(path: Path) -> SpaceScene:
 
 def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
     """The content of a scene that states no controls, with its actuators as inputs: parameters of their
-    names, of which each is what the keyframe says or else 0, within the actuator's range."""
+    names, of which each is what the keyframe says, or for a servo the place that the scene gives its joint,
+    or else 0, within the actuator's range."""
     given = dict(data.get("parameters") or {})
     taken = (*FUNCTIONS, *CONSTANTS, "t", "tolerance", "speed", *OF_CONTACTS, *given)
     key = (data.get("start") or {}).get("keyframe")
@@ -160,10 +163,21 @@ def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
     for a, name in enumerate(names.actuators):
         low, high = (float(x) for x in model.actuator_ctrlrange[a])
         own = f"u_{name}" if name in taken else name
-        told = float(model.key_ctrl[keys[0], a]) if keys else 0.0
+        told = float(model.key_ctrl[keys[0], a]) if keys else _begun(data, model, names, a)
         parameters[own] = {"default": told, "about": f"control of {name}"}
         if model.actuator_ctrllimited[a]:
             parameters[own] |= {"default": min(max(told, low), high), "range": (low, high)}
         controls[name] = own
     inputs = (*(data.get("inputs") or ()), *parameters)
     return data | {"parameters": given | parameters, "inputs": inputs, "controls": controls}
+
+
+def _begun(data: Any, model: mujoco.MjModel, names: Labels, number: int) -> float:
+    """The place that a scene gives the joint of a servo as a plain number; 0 where it gives none."""
+    is_servo = model.actuator_biasprm[number, 1] < 0.0 and model.actuator_trntype[number] == OF_JOINT
+    if not is_servo or model.actuator_gear[number, 0] != 1.0:
+        return 0.0
+    joint = int(model.actuator_trnid[number, 0])
+    label = names.coordinates[int(model.jnt_qposadr[joint])]
+    place = ((data.get("start") or {}).get("places") or {}).get(label, 0.0)
+    return float(place) if isinstance(place, int | float) else 0.0

@@ -44,7 +44,12 @@ class SpaceScene(StatedScene):
     @cached_property
     def content(self) -> str:
         """What tells scenes apart: the file's content and the model's, wherever its file lies."""
-        model = self.file.model.model_copy(update={"file": Path(self.file.model.file).name})
+        own = self.file.model
+        parts = {
+            name: part.model_copy(update={"file": Path(part.file).name}) for name, part in own.parts.items()
+        }
+        changes: dict[str, object] = {"file": Path(own.file).name} | ({"parts": parts} if parts else {})
+        model = own.model_copy(update=changes)
         return (
             self.file.model_copy(update={"model": model}).model_dump_json(exclude_unset=True)
             + self.model_text
@@ -67,12 +72,14 @@ class SpaceScene(StatedScene):
 
     @property
     def stored(self) -> str:
-        """The scene as JSON, as `load` takes it once decoded, with the place of the model file, or its name
-        alone if it ships."""
-        path = model_path(self.file.model.file, self.folder).resolve()
+        """The scene as JSON, as `load` takes it once decoded, with the places of model files, or the name
+        alone of one that ships."""
         given = self.file.model_dump(mode="json", exclude_unset=True)
-        shipped = path.parent == Path(str(LIBRARY)).resolve()
-        return json.dumps(given | {"model": given["model"] | {"file": path.name if shipped else str(path)}})
+        for each in (given["model"], *given["model"].get("parts", {}).values()):
+            path = model_path(each["file"], self.folder).resolve()
+            shipped = path.parent == Path(str(LIBRARY)).resolve()
+            each["file"] = path.name if shipped else str(path)
+        return json.dumps(given)
 
     @cached_property
     def told(self) -> Told:

@@ -11,8 +11,10 @@ demands that contradict each other are met as far as they can be.
 from __future__ import annotations
 
 import copy
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -46,6 +48,8 @@ YIELD = 1e-3
 """Root of what a demand yields by under its multiplier, where bodies yield by about 1. Chosen by trial."""
 HALVINGS = 12
 """Shorter steps that are tried where a step leads to more that is amiss."""
+KEPT = 16
+"""Answers that are kept."""
 MOST = 0.5
 """Motion over the model's size beyond which the start is another one, not the one that was meant."""
 
@@ -65,8 +69,32 @@ class Settled:
 
 
 def settle(model: mujoco.MjModel, start: Reals) -> Settled:
-    """The allowed places nearest to `start` (n_q,), or those where least is amiss."""
-    found = _Search(model, start)
+    """The allowed places nearest to `start` (n_q,), or those where least is amiss. Answers are kept: a search
+    binds its scene many times."""
+    found = _settled(_Asked(_digest(model, start), model, start))
+    return replace(found, q=found.q.copy())
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A model and a start, told apart by the digest of all their numbers."""
+
+    digest: bytes
+    model: mujoco.MjModel = field(compare=False)
+    start: Reals = field(compare=False)
+
+
+def _digest(model: mujoco.MjModel, start: Reals) -> bytes:
+    import mujoco
+
+    whole = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, whole)
+    return hashlib.sha256(whole.tobytes() + start.tobytes()).digest()
+
+
+@lru_cache(maxsize=KEPT)
+def _settled(asked: _Asked) -> Settled:
+    found = _Search(asked.model, asked.start)
     found.run()
     return found.result()
 

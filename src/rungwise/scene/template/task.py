@@ -39,7 +39,8 @@ def check_task(task: Task, names: Names, inputs: Iterable[str], robots: Iterable
     moves."""
     _known("instances", "parameter", task.instances, names.parameters)
     _known("uncertain", "parameter", task.uncertain, names.parameters)
-    _known("inputs", "input", task.inputs, inputs)
+    inputs = list(inputs)
+    _known("inputs", "input", [each for each in task.inputs if not fits_any(each, inputs)], inputs)
     _known("transit", "free robot", task.transit, robots)
     _known("weights", "coordinate", task.weights, names.coordinates)
     names.condition(task.where, "task.where")
@@ -55,18 +56,23 @@ def check_fingers(task: Task, robots: Iterable[str], objects: Iterable[str], axe
     that the world does not have."""
     for pattern, finger in task.fingers.items():
         path = f"task.fingers.{pattern}"
-        if not any(fnmatchcase(name, pattern) for name in robots):
+        if not fits_any(pattern, robots):
             raise SceneError(
                 f"task.fingers: {shown(pattern)} names no free robot{choices(pattern, robots)}, or *"
             )
         for k, wanted in enumerate(finger.objects):
-            if not any(fnmatchcase(name, wanted) for name in objects):
+            if not fits_any(wanted, objects):
                 raise SceneError(
                     f"{path}.objects.{k}: {shown(wanted)} names no object{choices(wanted, objects)}, or *"
                 )
         for axis in finger.within:
             if axis not in axes or len(axis) != 1:
                 raise SceneError(f"{path}.within: unknown axis {shown(axis)}{choices(axis, axes)}")
+
+
+def fits_any(pattern: str, names: Iterable[str]) -> bool:
+    """Whether a pattern fits one of these names."""
+    return any(fnmatchcase(name, pattern) for name in names)
 
 
 def _known(field: str, kind: str, given: Iterable[str], valid: Iterable[str]) -> None:

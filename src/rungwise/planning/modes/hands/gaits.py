@@ -43,12 +43,15 @@ def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
         return None
     number = work.kept[TREES_BY_HAND] = work.kept.get(TREES_BY_HAND, -1) + 1
     gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
-    tree, way = grow(
-        work.moves, predictor, work.start, work.task.before, work.whole, work.task.moves[1], ROUNDS, rng,
-        None, gaits,
-    )  # fmt: skip
-    best = int(tree.lack.argmin())
-    work.came_near(float(tree.lack[best]), tree.q[best])
+    try:
+        gaits.tree, way = grow(
+            work.moves, predictor, work.start, work.task.before, work.whole, work.task.moves[1], ROUNDS, rng,
+            None, gaits,
+        )  # fmt: skip
+    finally:
+        if gaits.tree is not None:
+            best = int(gaits.tree.lack.argmin())
+            work.came_near(float(gaits.tree.lack[best]), gaits.tree.q[best])
     if not len(way):
         return None
     course = laid(work, predictor, way)
@@ -69,7 +72,10 @@ class Running:
 
 
 class Gaits:
-    """Moves of a task by which a hand turns an object to places (g, n) at the goal."""
+    """Moves of a task by which a hand turns an object to places (g, n) at the goal. tree: the last that asked
+    for moves."""
+
+    tree: Tree | None = None
 
     def __init__(self, task: Task, hand: Hand, goals: Reals) -> None:
         self._task, self._hand, self._goals = task, hand, goals
@@ -82,6 +88,7 @@ class Gaits:
         self, moves: Moves, tree: Tree, deepest: int, rng: np.random.Generator
     ) -> tuple[Ints, Reals]:
         """Nodes (m,) to go on from, and moves (m, d)."""
+        self.tree = tree
         if self._cycles is None:
             self._cycles = Cycles(self._hand, tree.q[0])
         self._go_on(tree, deepest)

@@ -1,0 +1,71 @@
+"""A scene's model, put together from its file and its parts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene.errors import SceneError
+from rungwise.scene.space.assembly.servos import add_servos
+from rungwise.scene.space.fields import Model, Part
+from rungwise.scene.space.model import compiled, library, model_path, read_spec
+from rungwise.scene.space.packages import with_files
+from rungwise.scene.stated import Numbers
+
+if TYPE_CHECKING:
+    import mujoco
+
+BALANCED = "inertias that no body can have were balanced: equal about all axes"
+"""What is told of a URDF file whose inertias MuJoCo corrects."""
+
+
+class Assembled(NamedTuple):
+    """The specification of a scene's model, the file that it begins with, and remarks on its parts."""
+
+    spec: mujoco.MjSpec
+    path: Path
+    notes: tuple[str, ...]
+
+
+def assembled(model: Model, folder: Path, numbers: Numbers | None = None) -> Assembled:
+    """The specification of a model whose files are looked for in a folder. Without `numbers` parts lie at the
+    origin, and servos are of stiffness 1. Raises SceneError that names the field."""
+    path, notes = model_path(model.file, folder), list[str]()
+    spec = read_spec(path)
+    for name, part in model.parts.items():
+        if _attach(spec, name, part, folder, numbers):
+            notes.append(f"model.parts.{name}: {BALANCED}")
+    add_servos(spec, model.servos, numbers)
+    return Assembled(spec, path, tuple(notes))
+
+
+def _attach(spec: mujoco.MjSpec, name: str, part: Part, folder: Path, numbers: Numbers | None) -> bool:
+    """Put a part into a specification, and say whether its inertias were balanced."""
+    field = f"model.parts.{name}"
+    own = model_path(part.file, folder, f"{field}.file")
+    child = read_spec(own)
+    with_files(child, Path(child.modelfiledir or own.parent))
+    child.compiler.fusestatic = False  # the part's base stays a body, of which its links are kin
+    compiled(child, own)
+    frame = spec.worldbody.add_frame()
+    if numbers is not None:
+        frame.pos = [numbers.one(each, f"{field}.xyz.{k}") for k, each in enumerate(part.xyz)]
+        frame.quat = _quaternion(*(numbers.one(each, f"{field}.rpy.{k}") for k, each in enumerate(part.rpy)))
+    try:
+        spec.attach(child, prefix=f"{name}_", frame=frame)
+    except (ValueError, RuntimeError) as error:
+        raise SceneError(f"{field}: {' '.join(str(error).split())[:300]}") from None
+    return bool(child.compiler.balanceinertia) and own.suffix.lower() == ".urdf"
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> Reals:
+    """The quaternion (4,) of turns about the fixed axes x, y and z, in this order."""
+    mujoco, found = library(), np.array([1.0, 0.0, 0.0, 0.0])
+    for angle, axis in zip((roll, pitch, yaw), np.eye(3), strict=True):
+        turn, before = np.zeros(4), found.copy()
+        mujoco.mju_axisAngle2Quat(turn, axis, angle)
+        mujoco.mju_mulQuat(found, turn, before)
+    return found
