@@ -24,20 +24,17 @@ LOOKS = 6
 """Places on the straight way of fingers at which they are looked at."""
 YIELDS = (0.02, 0.2)
 """By how much servos yield that press, in radians or parts of the size, at least and at most."""
-UNBALANCED = 0.5
-"""What may be out of balance, in parts of how hard fingers press."""
 PARTS = 3
 """Moves in which an object is turned at most."""
 
 
 class Stance(NamedTuple):
-    """Where fingers are to touch, by their numbers; which of them are there already; for how many steps all
-    follow; and what is out of balance."""
+    """Where fingers are to touch, by their numbers; which of them are there already; and for how many steps
+    all follow."""
 
     touches: dict[int, Touch]
     stays: frozenset[int]
     steps: int
-    off: float
 
 
 class Wish(NamedTuple):
@@ -123,11 +120,9 @@ class Cycles:
             picked = {f: self._picked(pools[f], rng) for f in chosen}
             steps = min(touch.steps for _, touch in picked.values())
             stays = frozenset(f for f, (stay, _) in picked.items() if stay)
-            stance = Stance({f: touch for f, (_, touch) in picked.items()}, stays, steps, 0.0)
+            stance = Stance({f: touch for f, (_, touch) in picked.items()}, stays, steps)
             off = max(self._off(q, stance, wanted, k) for k in (0, steps))
-            if off < UNBALANCED:
-                worth = steps / wanted.steps * (1.0 - off) * rng.uniform(0.7, 1.0)
-                found.append((worth, stance._replace(off=off)))
+            found.append((steps / wanted.steps * (1.0 - off) * rng.uniform(0.7, 1.0), stance))
         found.sort(key=lambda own: -own[0])
         return [stance for _, stance in found]
 
@@ -137,7 +132,7 @@ class Cycles:
         return pool[int(rng.choice(len(pool), p=far / far.sum()))]
 
     def _off(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> float:
-        """What is out of balance after so many steps."""
+        """What is out of balance after so many steps, in parts of how hard fingers press."""
         place = self._placed(q, stance, wanted, step)
         return held(self.hand, place, [touch.pair for touch in stance.touches.values()], 1.0).off
 

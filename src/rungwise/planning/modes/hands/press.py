@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
+from rungwise.planning.modes.forces.cones import ring_of
 from rungwise.planning.modes.hands.hand import Finger, Hand
 
-EDGES, KEPT = 8, 0.8
-"""Edges of a cone of friction in space, and the part of friction that is counted on."""
+KEPT = 0.8
+"""The part of friction that is counted on."""
 FIRMLY = 0.5
 """How much it counts that a finger presses as hard as it is to, beside what is out of balance."""
 STRONGEST = 0.6
@@ -113,11 +113,8 @@ def pressing(hand: Hand, finger: Finger, q: Reals, pair: int, deflection: float)
 
 def _edges(dimension: int, friction: float) -> Reals:
     """Forces (e, d) along the edges of a cone: along the normal, and across it."""
-    mu = KEPT * friction
-    if dimension == 2:
-        return np.array([[1.0, mu], [1.0, -mu]])
-    around = 2.0 * math.pi * np.arange(EDGES) / EDGES
-    return np.column_stack([np.ones(EDGES), mu * np.cos(around), mu * np.sin(around)])
+    ring = ring_of(dimension - 1)
+    return np.column_stack([np.ones(len(ring)), KEPT * friction * ring])
 
 
 def _units(hand: Hand) -> Reals:

@@ -8,12 +8,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.hands.hand import Finger, Hand
+from rungwise.planning.modes.joints.inverse_kinematics import damped, no_leap
 from rungwise.world.carriers import Near
 
-DAMPED = 0.02
-"""Damping of the steps of joints, in parts of the object's size."""
-LEAP = 0.3
-"""The greatest change of a joint in one such step, in radians or in parts of the size."""
 CLOSES = 12
 """Steps in which a finger closes on an object."""
 CLOSED = 1e-3
@@ -76,9 +73,9 @@ def followed(
         own, way = _own(finger, near, q), near.rows @ part
         wanted = -way
         wanted[0] -= near.gap
-        step = _damped(hand, own, wanted)
+        step = damped(own, wanted, hand.size)
         back = HOME * (home - found[-1])
-        step = step + back - _damped(hand, own, own @ back)
+        step = step + back - damped(own, own @ back, hand.size)
         before = found[-1]
         q = finger.posed(hand.around.changed(q, part), before + step)
         now = hand.around.near(q, pair)
@@ -95,15 +92,8 @@ def followed(
 
 def stepped(hand: Hand, finger: Finger, q: Reals, slope: Reals, wanted: Reals) -> Reals:
     """The place (n_q,) after a damped step of the joints, of which none goes far."""
-    step = _damped(hand, slope, wanted)
-    step *= min(1.0, LEAP / max(float(np.abs(step).max()), 1e-12))
+    step = no_leap(finger.chain, damped(slope, wanted, hand.size))
     return finger.posed(q, finger.chain.joints(q) + step)
-
-
-def _damped(hand: Hand, slope: Reals, wanted: Reals) -> Reals:
-    """The damped step (k,) that changes what has this slope (m, k) as wanted (m,)."""
-    damping = (DAMPED * hand.size) ** 2 * np.eye(len(wanted))
-    return np.asarray(slope.T @ np.linalg.solve(slope @ slope.T + damping, wanted))
 
 
 def _own(finger: Finger, near: Near, q: Reals) -> Reals:

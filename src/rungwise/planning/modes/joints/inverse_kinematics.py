@@ -157,11 +157,23 @@ def _stepped(
     """The place (n,) after a damped step of the joints, of which none goes far, and which leads them to their
     posture where that is asked."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
-    step = slope.T @ np.linalg.solve(slope @ slope.T + (DAMPED * size) ** 2 * np.eye(len(wanted)), wanted)
+    step = damped(slope, wanted, size)
     if postured:
         step += to_posture(arm, q, slope)
+    return arm.posed(q, np.clip(arm.joints(q) + no_leap(arm, step), low, high))
+
+
+def damped(slope: Reals, wanted: Reals, size: float) -> Reals:
+    """The damped step (k,) of joints that changes what has this slope (m, k) as wanted (m,), beside an object
+    of this size."""
+    damping = (DAMPED * size) ** 2 * np.eye(len(wanted))
+    return np.asarray(slope.T @ np.linalg.solve(slope @ slope.T + damping, wanted))
+
+
+def no_leap(arm: Chain, step: Reals) -> Reals:
+    """A step (k,) of joints, or the part of it in which no hinge goes too far."""
     largest = float(np.abs(step[arm.hinges]).max(initial=0.0))
-    return arm.posed(q, np.clip(arm.joints(q) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high))
+    return step * min(1.0, LEAP / max(largest, 1e-12))
 
 
 def laid(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
