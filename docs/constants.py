@@ -126,8 +126,8 @@ from the source and from `docs/constants.txt`.
 - *Free by a factor.* All such numbers may be multiplied or divided by the factor at the same time, and the
   shipped scenes end as before (`python benchmarks/decades.py` tries it). Numbers of searches are free in
   another sense: if all of them are changed at once, each by a random factor up to the given one, nearly all
-  answers of small searches stay (`python benchmarks/search_numbers.py` tries it). Such a number trades work,
-  not answers; if searches then take more than half as much again, the column says how much.
+  answers of small searches stay (`python benchmarks/search_numbers.py` tries it). Such a number changes the
+  work, not the answers; if searches then take more than 1.5 times the work, the column says how much.
 - *Empty.* If the last column is empty, no test and no factor is known; `python docs/constants.py --open`
   lists these numbers.
 
