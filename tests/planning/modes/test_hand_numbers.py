@@ -91,6 +91,51 @@ def test_fingers_rather_balance_than_press_as_they_are_to_and_rather_press_than_
         assert held(_held_thing(contacts), NONE, [0, 1], 1.0).forces[:, 0].min() > 0.5
 
 
+@pytest.mark.parametrize(
+    ("way", "pushed"),
+    [((1.0, 0.0, 0.0), True), ((-1.0, 0.0, 0.0), False), ((0.3, 0.0, 0.0), True), ((-0.3, 0.0, 0.0), False)],
+)
+def test_friction_of_what_an_object_slides_over_is_against_its_motion(
+    way: tuple[float, float, float], pushed: bool
+) -> None:
+    """A smooth finger pushes a weight of 1 over a floor, and never pulls it."""
+    finger = (_pushes((-0.5, -0.5), (1.0, 0.0)), 0.0)
+    thing = _held_thing([finger], FLOOR, np.array([0.0, -1.0, 0.0]))
+    assert (held(thing, NONE, [0], 0.5, np.array(way)).off < 1e-6) == pushed
+
+
+def test_what_hardly_slides_sticks() -> None:
+    """A body that turns about its only contact with the floor, nearly, is held both ways."""
+    for slip in (-0.01, 0.01):
+        finger = (_pushes((-0.5, -0.5), (1.0, 0.0)), 0.0)
+        thing = _held_thing([finger], (_pushes((0.0, -0.5), (0.0, 1.0)),), np.array([0.0, -1.0, 0.0]))
+        assert held(thing, NONE, [0], 0.2, np.array([0.5 + slip, 0.0, -1.0])).off < 1e-6
+
+
+@pytest.mark.parametrize(("of", "least", "most"), [(1, 6, 30), (12, 30, 80), (1000, 40, 100)])
+def test_more_postures_are_drawn_where_few_touch(
+    of: int, least: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where one of so many does."""
+    seen = list[Reals]()
+
+    def closes(_hand: Any, _finger: Any, q: Reals, _pair: int) -> Reals | None:
+        seen.append(q)
+        return q if len(seen) % of == 0 else None
+
+    monkeypatch.setattr(cycles, "closed", closes)
+    monkeypatch.setattr(cycles, "is_clear", lambda *_: True)
+    monkeypatch.setattr(Cycles, "_touch", lambda *_: cycles.Touch(0, np.zeros((3, 2))))
+    finger = stub(
+        chain=stub(joints=lambda q: q), low=np.zeros(2), high=np.ones(2), touching=(0,),
+        posed=lambda _q, joints: joints,
+    )  # fmt: skip
+    hand: Any = stub(fingers=[finger], around=stub(near=lambda *_: stub(gap=1.0)), size=1.0)
+    found = Cycles(hand, np.zeros(2))._pool(0, np.zeros(2), Wish(np.zeros(1), 4), np.random.default_rng(0))
+    assert least <= len(seen) <= most
+    assert len(found) == len(seen) // of and (of > 12 or len(found) >= 3)
+
+
 @pytest.mark.parametrize(("gap", "lies"), [(0.005, True), (0.1, False)])
 def test_what_is_near_supports_an_object(gap: float, lies: bool) -> None:
     assert rests(_held_thing([], FLOOR, np.array([0.0, -1.0, 0.0]), gap), NONE, [], 1.0) == lies

@@ -14,6 +14,8 @@ from rungwise.planning.modes.hands.touch import CLOSED, Touch, closed, followed,
 POSTURES, NEARBY, SPREAD = 12, 0.6, 0.25
 """Postures of each finger that are drawn; part of them that lies near those that it has, or had at the start;
 and how far about these, in parts of the range of its joints."""
+ENOUGH, DRAWS = 4, 60
+"""Postures from which a finger follows the object, until which more are drawn, and how many at most."""
 STEP, STEPS = 0.08, 16
 """How far the object goes in a step, in parts of its size, or radians; and most steps."""
 SETS = 60
@@ -90,7 +92,9 @@ class Cycles:
                 if place is not None:
                     found.append((True, self._touch(f, place, pair, wanted)))
         span = finger.high - finger.low
-        for k in range(POSTURES):
+        for k in range(DRAWS):
+            if k >= POSTURES and sum(touch.steps > 0 for _, touch in found) >= ENOUGH:
+                break
             middle = (self._home[f], now)[k % 2]
             near = middle + SPREAD * span * rng.standard_normal(len(span))
             drawn = near if rng.random() < NEARBY else finger.low + span * rng.random(len(span))
@@ -134,7 +138,8 @@ class Cycles:
     def _off(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> float:
         """What is out of balance after so many steps, in parts of how hard fingers press."""
         place = self._placed(q, stance, wanted, step)
-        return held(self.hand, place, [touch.pair for touch in stance.touches.values()], 1.0).off
+        pairs = [touch.pair for touch in stance.touches.values()]
+        return held(self.hand, place, pairs, 1.0, wanted.change).off
 
     def _placed(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> Reals:
         """The place (n_q,) of object and fingers after so many steps."""
@@ -238,7 +243,8 @@ class Cycles:
     def _pressed(self, q: Reals, stance: Stance, wanted: Wish, step: int, press: float) -> dict[int, Reals]:
         """Targets of the fingers that touch, after so many steps."""
         place = self._placed(q, stance, wanted, step)
-        forces = held(self.hand, place, [touch.pair for touch in stance.touches.values()], press).forces
+        pairs = [touch.pair for touch in stance.touches.values()]
+        forces = held(self.hand, place, pairs, press, wanted.change if step else None).forces
         return {
             f: targets(self.hand, self.hand.fingers[f], place, touch.pair, force)
             for (f, touch), force in zip(stance.touches.items(), forces, strict=True)

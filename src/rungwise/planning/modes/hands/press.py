@@ -19,6 +19,8 @@ STRONGEST = 0.6
 """Part of its greatest force with which a servo presses at most."""
 SUPPORTS = 0.02
 """Gap, in parts of the size, within which something supports the object."""
+SLIDES = 0.05
+"""Part of the object's motion from which on it slides over what supports it."""
 CARRIED, LIGHT = 0.3, 1e-6
 """What may be out of balance of a load that is carried, in parts of it; and loads that count as none, over
 the force of fingers."""
@@ -32,9 +34,10 @@ class Hold(NamedTuple):
     off: float
 
 
-def held(hand: Hand, q: Reals, pairs: list[int], press: float) -> Hold:
+def held(hand: Hand, q: Reals, pairs: list[int], press: float, change: Reals | None = None) -> Hold:
     """Forces of contacts of fingers at a place (n_q,) that, with what supports the object, balance its load
-    best while each presses (non-negative least squares)."""
+    best while each presses (non-negative least squares); while the object changes so (n_v,), where that is
+    given."""
     around, units = hand.around, _units(hand)
     columns, owners = list[Reals](), list[int]()
     ways = list[Reals]()
@@ -44,7 +47,7 @@ def held(hand: Hand, q: Reals, pairs: list[int], press: float) -> Hold:
             columns.append(edge @ near.rows[:, hand.columns] / units)
             owners.append(k)
             ways.append(edge)
-    supports = _supports(hand, q)
+    supports = _supports(hand, q, change)
     columns += list(supports)
     owners += [-1] * len(supports)
     ways += [np.zeros(around.dimension)] * len(supports)
@@ -68,24 +71,28 @@ def rests(hand: Hand, q: Reals, pairs: list[int], press: float) -> bool:
 
 def _lies(hand: Hand, q: Reals, load: float) -> bool:
     """Whether what supports the object carries it alone."""
-    rows = _supports(hand, q)
+    rows = _supports(hand, q, None)
     if not len(rows):
         return False
     _, off = nnls(rows.T, -hand.around.loads(q)[hand.columns] / _units(hand))
     return bool(off < CARRIED * load)
 
 
-def _supports(hand: Hand, q: Reals) -> Reals:
-    """Wrenches (e, n_o) on the object along the edges of the cones of what supports it."""
-    around, units = hand.around, _units(hand)
+def _supports(hand: Hand, q: Reals, change: Reals | None) -> Reals:
+    """Wrenches (e, n_o) on the object along the edges of the cones of what supports it; where it slides over
+    that as it changes (n_v,), friction is against it."""
+    around, units, found = hand.around, _units(hand), list[Reals]()
     touches = around.touches(q, SUPPORTS * hand.size)
-    rows = [
-        _edges(around.dimension, float(touches.friction[k]))
-        @ touches.rows[k][: around.dimension, hand.columns]
-        / units
-        for k in np.flatnonzero(np.isin(touches.pairs, list(hand.fixed))).tolist()
-    ]
-    return np.vstack(rows) if rows else np.zeros((0, len(hand.columns)))
+    for k in np.flatnonzero(np.isin(touches.pairs, list(hand.fixed))).tolist():
+        rows, friction = touches.rows[k][: around.dimension], float(touches.friction[k])
+        edges = _edges(around.dimension, friction)
+        if change is not None:
+            slip, most = rows[1:] @ change, np.linalg.norm(units * change[hand.columns])
+            speed = float(np.linalg.norm(slip))
+            if speed > SLIDES * most:
+                edges = np.array([[1.0, *(-friction / speed * slip)]])
+        found.append(edges @ rows[:, hand.columns] / units)
+    return np.vstack(found) if found else np.zeros((0, len(hand.columns)))
 
 
 def targets(hand: Hand, finger: Finger, q: Reals, pair: int, force: Reals) -> Reals:
