@@ -86,12 +86,12 @@ FAULTS = (
         ("tests/contact/test_residual.py",), "a drive has no limit in one direction",
     ),
     Fault(
-        "contact-work-at-end", "src/rungwise/simulation/core/accept.py",
+        "contact-work-at-end", "src/rungwise/simulation/core/update_state.py",
         "lever = 0.5 * (state.v[i] + end)", "lever = end", _CORE,
         "work is force times the speed at the end of the step", True,
     ),
     Fault(
-        "theta-velocity-sign", "src/rungwise/simulation/core/accept.py",
+        "theta-velocity-sign", "src/rungwise/simulation/core/update_state.py",
         "return v_new if prescribed else (v_new - (1.0 - theta) * v_old) / theta",
         "return v_new if prescribed else (v_new + (1.0 - theta) * v_old) / theta", _CORE,
         "the end of a step under theta extrapolates to the wrong side", True,
@@ -276,7 +276,7 @@ FAULTS = (
         "batches that a limit ended count as done",
     ),
     Fault(
-        "unended-doomed", "src/rungwise/sets/doomed/images.py",
+        "unended-doomed", "src/rungwise/sets/doomed/cell_mapping.py",
         "if (outcome == Code.RUNNING).any():", "if (outcome == Code.INVALID).all():",
         (f"{_LIMITS}a_call_without_time_says_so[doomed_set]",), "macro-steps that a limit ended count",
     ),
@@ -314,7 +314,7 @@ FAULTS = (
         ("tests/sets/test_doomed.py::test_around_and_backward",), "a box of cells lacks its last cell", True,
     ),
     Fault(
-        "images-least", "src/rungwise/sets/doomed/images.py",
+        "images-least", "src/rungwise/sets/doomed/cell_mapping.py",
         "self._about(moved, greatest=True), *self._travel.T)",
         "self._about(moved, greatest=False), *self._travel.T)", ("tests/sets/test_doomed.py",),
         "images of cells are as narrow as their least motion",

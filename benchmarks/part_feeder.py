@@ -24,7 +24,7 @@ import numpy as np
 import rungwise as rw
 from rungwise.planning.design.coarse_to_fine import searched_earlier
 from rungwise.planning.design.design import NEAR
-from rungwise.planning.design.tune import SPREAD, Tuner
+from rungwise.planning.design.optimise import SPREAD, Tuner
 from rungwise.sets.request import box_of
 
 SCENE, BOX = "part_feeder", {"pin_x": (0.015, 0.045), "pin_y": (-0.025, 0.015)}

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 import rungwise as rw
-from rungwise.scene.space.model import compiled, read_spec
+from rungwise.scene.space.mujoco_model import compiled, read_spec
 
 LIMIT = 30.0
 """Seconds for one file."""

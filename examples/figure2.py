@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 import rungwise as rw
 from rungwise.contact.analysis.closure import check
 from rungwise.viewing.plane.clip import Clip, Touches, clip
-from rungwise.viewing.plane.draw import draw_frame, placed, pose_at
+from rungwise.viewing.plane.draw_frame import draw_frame, placed, pose_at
 
 START = {"x": 0.1, "y": 0.12, "angle": 0.08}
 FORM, FORCE, NEITHER = "form closure", "force closure", "neither"

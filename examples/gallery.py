@@ -23,7 +23,7 @@ import yaml
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import Clip, clip
-from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.draw_frame import INK, ROLES, placed, pose_at, rounded
 from rungwise.viewing.plane.extent import bounds
 
 if TYPE_CHECKING:

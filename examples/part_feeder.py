@@ -18,7 +18,7 @@ import numpy as np
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import Clip, clip
-from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.draw_frame import INK, ROLES, placed, pose_at, rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

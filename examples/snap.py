@@ -27,7 +27,7 @@ from scipy.optimize import brentq
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import clip
-from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.draw_frame import INK, ROLES, placed, pose_at, rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

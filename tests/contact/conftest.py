@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rungwise.contact.step.enumerate_modes import solve_by_enumeration
 from rungwise.contact.step.mode_newton import solve_by_modes
 from rungwise.contact.step.pivoting import solve_by_pivoting
-from rungwise.contact.step.planar import TOLERANCE, matrix_size, solve_planar
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.proximal import solve_proximal
+from rungwise.contact.step.solve import TOLERANCE, matrix_size, solve_planar
 from rungwise.contact.step.step_residual import residual
 
 Array = NDArray[np.float64]

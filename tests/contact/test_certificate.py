@@ -11,7 +11,7 @@ import pytest
 
 from rungwise.contact.judge import certificate as module
 from rungwise.contact.judge.certificate import Certificate, check
-from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.judge.find_certificates import certify_infeasible, certify_unsupported
 from rungwise.contact.step.modes import ANY
 
 

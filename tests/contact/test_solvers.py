@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rungwise.contact.judge.certificate import check
-from rungwise.contact.judge.infeasible import certify_infeasible
+from rungwise.contact.judge.find_certificates import certify_infeasible
 from rungwise.contact.step.modes import linear_system, natural_units, yielding
-from rungwise.contact.step.planar import TOLERANCE
+from rungwise.contact.step.solve import TOLERANCE
 
 
 def problems(random_problem, count, seed=1, most=4):

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.residual_in_space import residual_in_space
+from rungwise.contact.step.solve import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.contact.step.step_residual import residual
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from rungwise.contact.analysis.sensitivity import Sensitivity
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.certificate import check as certified
 from rungwise.contact.judge.farkas import HULL, excludes, excludes_given
-from rungwise.contact.judge.infeasible import _decided
+from rungwise.contact.judge.find_certificates import _decided
 from rungwise.contact.judge.residuals import imbalance, judge, own_terms
 from rungwise.contact.lemke import lemke
 from rungwise.contact.linear import solve_in_place

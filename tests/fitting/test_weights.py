@@ -11,9 +11,9 @@ import rungwise as rw
 from rungwise.deadline import NEVER
 from rungwise.fitting.box import Box
 from rungwise.fitting.certainty import RARE, Minimum, _bootstrap, minimum
+from rungwise.fitting.least_squares import Best, best_of, merged, spread_apart, worse
 from rungwise.fitting.loss import EXPECTED, bend, losses, typical_losses
 from rungwise.fitting.prepare import Options, prepare
-from rungwise.fitting.search import Best, best_of, merged, spread_apart, worse
 from rungwise.fitting.telling import telling
 from rungwise.fitting.weights import Weights, by_sensitivity, free_flight, unexplained
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.design import design, tune
+from rungwise.planning.design import design, optimise
 
 TOL = 1e-4
 
@@ -58,8 +58,8 @@ def test_a_cup_that_falls_is_nothing_for_quasistatic_rungs(model: str) -> None:
 def test_a_climb_skips_rungs_on_which_cups_cannot_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says why, and the search goes on from the design of dynamic-rigid."""
     monkeypatch.setattr(design, "DESIGNS", 4)
-    monkeypatch.setattr(tune, "SCAN", 3)
-    monkeypatch.setattr(tune, "HALVINGS", 0)
+    monkeypatch.setattr(optimise, "SCAN", 3)
+    monkeypatch.setattr(optimise, "HALVINGS", 0)
     found = rw.design(
         "part_feeder", ("pin_x", "pin_y"), from_="quasistatic-rigid", robust=True, draws=8, samples=30,
         budget=1, box={"pin_x": (0.036, 0.041), "pin_y": (-0.016, -0.006)}, accuracy=TOL,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
-from rungwise.planning.modes.forces.motions import projected, turn
+from rungwise.planning.modes.forces.mode_motions import projected, turn
 from rungwise.planning.search.problem import Work
 from rungwise.planning.squeeze import squeeze_plan
 from rungwise.planning.task.task import Task, _is_slow

@@ -18,7 +18,7 @@ import pytest
 import rungwise as rw
 from rungwise import deadline
 from rungwise.cli.terminal import heard_at_once
-from rungwise.contact.judge import infeasible
+from rungwise.contact.judge import find_certificates
 from rungwise.deadline import Deadline, TimeOver
 from rungwise.simulation.run import Simulation
 
@@ -128,12 +128,12 @@ def test_no_linear_program_of_a_proof_begins_when_the_time_is_over(
     run.advance(1)
     assert run.workspace is not None
     problem = run.workspace.problem
-    farkas = infeasible._farkas
-    monkeypatch.setattr(infeasible, "_farkas", lambda *given: (next(programs), farkas(*given))[1])
-    monkeypatch.setattr(infeasible, "_contradictions", lambda p, *_: np.ones(len(p.mu) + len(p.F)))
+    farkas = find_certificates._farkas
+    monkeypatch.setattr(find_certificates, "_farkas", lambda *given: (next(programs), farkas(*given))[1])
+    monkeypatch.setattr(find_certificates, "_contradictions", lambda p, *_: np.ones(len(p.mu) + len(p.F)))
     own = np.ones(len(problem.mu) + len(problem.F), bool)
     with pytest.raises(TimeOver, match="in the search for a proof"):
-        infeasible._search(problem, True, own, Deadline(limit))
+        find_certificates._search(problem, True, own, Deadline(limit))
     assert next(programs) <= limit
 
 

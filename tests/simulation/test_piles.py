@@ -22,8 +22,8 @@ from rungwise.contact.step import (
     solve_planar,
     trim,
 )
-from rungwise.contact.step.planar import TOLERANCE
 from rungwise.contact.step.proximal import exertion
+from rungwise.contact.step.solve import TOLERANCE
 from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints
 from rungwise.simulation.run import Simulation

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.derivatives.differences import Assembly, Start
+from rungwise.simulation.derivatives.assembly import Assembly, Start
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 
 Array = np.ndarray

@@ -15,7 +15,7 @@ import pytest
 import rungwise as rw
 from rungwise.simulation.planar.state.workspace import CLOCK, recorded
 from rungwise.simulation.run import Simulation
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 
 from .conftest import MOVING
 from .random_scenes import random_scene

@@ -18,7 +18,7 @@ from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial import begin
 from rungwise.simulation.spatial.replay import _between
-from rungwise.system.planar.manifold import are_parallel
+from rungwise.system.planar.contact_manifold import are_parallel
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.rims import straighten
 from tests.simulation.core.test_particle import Particle

@@ -16,19 +16,15 @@ START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
 
 
 def compare(found: rw.Rollouts, least: int) -> None:
-    """Jams of rollouts are jams of runs, at the same place, after not many more attempts at steps; one of
-    them may crawl for some hundreds, where steps without solution alternate with others as short."""
+    """Jams of rollouts are jams of runs, at the same place, after not many more attempts at steps."""
     jammed = np.flatnonzero(found.outcome == rw.Code.JAMMED)
     assert len(jammed) >= least
-    crawling = 0
     for i in jammed:
         run = found.run(int(i))
         assert run.outcome.code == rw.Code.JAMMED, (i, run.reason)
-        crawling += int(found.attempts[i]) > 3 * run.attempts + 100
-        assert found.attempts[i] <= 10 * run.attempts, i
+        assert found.attempts[i] <= 3 * run.attempts + 100, i
         places = [x for body in run.final.values() for x in body.values()]
         assert found.final[i] == pytest.approx(places, abs=1e-5)
-    assert crawling <= 1
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.long)])

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from rungwise.viewing.space.film import OPEN, SLIP, STICK, Film, Touches
-from rungwise.viewing.space.mjcf import film_of_model
+from rungwise.viewing.space.model_solids import film_of_model
 
 SCENE = """
 <mujoco model="ball and box">

@@ -13,7 +13,7 @@ from shapely import Point, Polygon
 import rungwise as rw
 from rungwise.simulation import trajectory
 from rungwise.viewing.plane.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip, still
-from rungwise.viewing.plane.draw import placed, pose_at, rounded
+from rungwise.viewing.plane.draw_frame import placed, pose_at, rounded
 from rungwise.viewing.plane.extent import AWAY, BESIDE, bounds, receives_first
 
 PUSHER = {

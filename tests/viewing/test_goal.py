@@ -8,7 +8,7 @@ import pytest
 import rungwise as rw
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.goal import goal_places
-from rungwise.viewing.plane.strip import strip
+from rungwise.viewing.plane.pictures import strip
 
 DRAWN = {"push": "box", "book": "book", "card": "card", "corner_pivot": "block", "corridor": "box"}
 NOT = ("two_finger", "four_finger", "gripper", "pivot", "grasp", "peg_in_hole")

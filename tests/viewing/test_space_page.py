@@ -18,7 +18,7 @@ import pytest
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import SLIP, STICK, Film, FilmError, Solid, Touches
 from rungwise.viewing.space.live import open_live
-from rungwise.viewing.space.mjcf import film_of_model
+from rungwise.viewing.space.model_solids import film_of_model
 from rungwise.viewing.space.run_page import page, write_page
 from rungwise.viewing.space.shapes import triangles, turned
 

@@ -17,8 +17,8 @@ from space_films import ball_and_box
 
 import rungwise as rw
 from rungwise.viewing.space.film import Film
+from rungwise.viewing.space.pictures import AXES, PIXELS, _picture, save_gif, sight_of, strip
 from rungwise.viewing.space.raster import paint
-from rungwise.viewing.space.strip import AXES, PIXELS, _picture, save_gif, sight_of, strip
 
 
 @pytest.fixture(scope="module")

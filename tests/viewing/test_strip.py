@@ -11,7 +11,7 @@ from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.units import common_units
 
 matplotlib = pytest.importorskip("matplotlib")
-from rungwise.viewing.plane.strip import strip  # noqa: E402
+from rungwise.viewing.plane.pictures import strip  # noqa: E402
 
 RUNGS = ("quasistatic-compliant", "dynamic-rigid")
 

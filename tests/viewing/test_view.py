@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import rungwise as rw
 from rungwise.cli import app
-from rungwise.viewing.plane import strip
+from rungwise.viewing.plane import pictures
 from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.plane.run_page import page
 
@@ -110,7 +110,7 @@ def test_view_writes_all_three_kinds(
     pytest.importorskip("matplotlib")
     from PIL import Image
 
-    monkeypatch.setattr(strip.save_gif, "__defaults__", (10, 5.0))
+    monkeypatch.setattr(pictures.save_gif, "__defaults__", (10, 5.0))
 
     files = rw.view(
         runs[:2],

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.fitting.box import Box
+from rungwise.fitting.least_squares import BOX_PRECISION, BROAD, NARROW, SLICE, Best, derivatives, slices
 from rungwise.fitting.loss import by_trial, span_losses
 from rungwise.fitting.predict import Predictor
-from rungwise.fitting.search import BOX_PRECISION, BROAD, NARROW, SLICE, Best, derivatives, slices
 from rungwise.fitting.weights import Weights
 from rungwise.kernel import Ints, Reals
 

@@ -44,7 +44,7 @@ def fit(
     Runs begin at measured states and last `span`; their errors are weighted by the deviation of the
     measurement, and by the deviation of the start that follows from it (`rungwise.fitting.weights`), with a
     robust loss (`rungwise.fitting.loss`). The whole box is sampled first, then least squares goes on from
-    the best samples (`rungwise.fitting.search`).
+    the best samples (`rungwise.fitting.least_squares`).
 
     Args:
         scene, model: as for `simulate`. Goals and other conditions of the scene end no run.

@@ -11,13 +11,7 @@ import numpy as np
 from rungwise.deadline import Deadline, LimitError, TimeOver
 from rungwise.fitting.certainty import Certainty, certainty
 from rungwise.fitting.found import OUTSIDE, Alike, Fit, Residual
-from rungwise.fitting.loss import EXPECTED, bend, by_trial, losses, typical_losses
-from rungwise.fitting.measured.spans import Spans
-from rungwise.fitting.measured.touching import touching
-from rungwise.fitting.predict import Log, Predictor
-from rungwise.fitting.prepare import Prepared
-from rungwise.fitting.score import Phase, phase_of, phases
-from rungwise.fitting.search import (
+from rungwise.fitting.least_squares import (
     BOX_PRECISION,
     Best,
     best_of,
@@ -30,6 +24,12 @@ from rungwise.fitting.search import (
     spread_apart,
     worse,
 )  # fmt: skip
+from rungwise.fitting.loss import EXPECTED, bend, by_trial, losses, typical_losses
+from rungwise.fitting.measured.spans import Spans
+from rungwise.fitting.measured.touching import touching
+from rungwise.fitting.predict import Log, Predictor
+from rungwise.fitting.prepare import Prepared
+from rungwise.fitting.score import Phase, phase_of, phases
 from rungwise.fitting.telling import telling
 from rungwise.fitting.unlike import SPANS, Unlike, begins_clear, unlike
 from rungwise.fitting.weights import NORMAL_MEDIAN, Weights, by_sensitivity, free_flight, unexplained

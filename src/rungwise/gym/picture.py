@@ -14,7 +14,7 @@ from rungwise.scene import Scene
 from rungwise.simulation.state import State
 from rungwise.viewing.plane.arrows import View, view_of
 from rungwise.viewing.plane.clip import still
-from rungwise.viewing.plane.draw import draw_frame
+from rungwise.viewing.plane.draw_frame import draw_frame
 
 PIXELS, INCHES = 480, 4.8
 """Height and width of a picture; at this size its lines are as thick as in the package's other pictures."""

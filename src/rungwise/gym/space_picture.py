@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rungwise.gym.settings import GymError
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.state import State
-from rungwise.viewing.space.mjcf import colours_of
+from rungwise.viewing.space.model_solids import colours_of
 
 if TYPE_CHECKING:
     import mujoco

@@ -12,7 +12,7 @@ from rungwise.keywords import keywords
 from rungwise.plain import brief
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.result import Run
-from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.wording import choices
 
 

@@ -11,12 +11,12 @@ from typing import Any
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.trajectory import read_saved
+from rungwise.viewing.plane import pictures
 from rungwise.viewing.plane import run_page as planar
-from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.parting import draw_parting
+from rungwise.viewing.space import pictures as stills
 from rungwise.viewing.space import run_page as spatial
-from rungwise.viewing.space import strip as stills
 from rungwise.viewing.space.live import Live, open_live
 from rungwise.viewing.space.runs import film_of
 from rungwise.viewing.write import ViewError
@@ -44,7 +44,7 @@ class Drawer:
 
 PLANE = Drawer(
     "planar runs", clip, planar.same_bodies, lambda each: str(each.scene), planar.page,
-    strip=strip.strip, png=strip.save_png, gif=lambda clips, file: strip.save_gif(clips, file),
+    strip=pictures.strip, png=pictures.save_png, gif=lambda clips, file: pictures.save_gif(clips, file),
     parting=draw_parting,
 )  # fmt: skip
 SPACE = Drawer(

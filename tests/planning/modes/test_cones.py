@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.forces.cones import PART, SLIDE, STICK, memory_for, nonnegative
-from rungwise.planning.modes.forces.motions import projected, turn
+from rungwise.planning.modes.forces.mode_motions import projected, turn
 from rungwise.world.planar.boundary import Boundary
 
 MEMORY = memory_for(6, 4, 0, 3, 9)

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from rungwise.scene import load
+from rungwise.system.planar.contact_manifold import Found, allocate_manifolds, manifold
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.find_contacts import find_contacts
-from rungwise.system.planar.manifold import Found, allocate_manifolds, manifold
 from rungwise.system.planar.place import allocate_placement, place, start
 from rungwise.system.planar.seams import allocate_seams, find_seams
 

@@ -12,7 +12,7 @@ import shapely.affinity
 from numpy.random import Generator
 from shapely import Geometry
 
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 
 KINDS = ("point", "disc", "capsule", "box", "polygon")
 FREE = {"role": "object", "motion": {"kind": "free"}, "mass": 1.0, "inertia": 1.0}

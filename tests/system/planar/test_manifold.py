@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rungwise.system.planar.manifold import ABSENT, VERTICES
+from rungwise.system.planar.contact_manifold import ABSENT, VERTICES
 
 FREE = {"role": "object", "motion": {"kind": "free"}}
 FLOOR = {"role": "obstacle", "shape": {"kind": "halfplane"}}

@@ -11,7 +11,7 @@ import pytest
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 
 NEAR = 0.02
 FREE = {"role": "object", "motion": {"kind": "free"}, "mass": 1.0, "inertia": 1.0, "centre": [0.0, 0.0]}

@@ -1,7 +1,7 @@
-"""The chain of compiled steps (`planar.py`), called on one step's problem from Python.
+"""The chain of compiled steps (`contact/step/solve.py`), called on one step's problem from Python.
 
-Algorithm and promises: as in `planar.py`. Accepts: problems of a step in the plane, as models assemble them,
-with H positive definite. The chain solves in velocities, not in forces: it is the fastest for stacks.
+Algorithm and promises: as there. Accepts: problems of a step in the plane, as models assemble them, with H
+positive definite. The chain solves in velocities, not in forces: it is the fastest for stacks.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import matrix_size, solve_planar
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
+from rungwise.contact.step.solve import matrix_size, solve_planar
 from rungwise.kernel import Ints
 
 NAME = "step"

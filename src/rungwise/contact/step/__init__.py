@@ -2,16 +2,6 @@
 
 from rungwise.contact.step.associated import start_associated
 from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
-from rungwise.contact.step.planar import (
-    ENUMERATION,
-    NO_SOLUTION,
-    PIVOTING,
-    PROXIMAL,
-    SOLVED,
-    TOLERANCE,
-    matrix_size,
-    solve_planar,
-)
 from rungwise.contact.step.problem import (
     ContactProblem,
     Elimination,
@@ -20,6 +10,16 @@ from rungwise.contact.step.problem import (
     allocate_problem,
     keep_contacts,
     trim,
+)
+from rungwise.contact.step.solve import (
+    ENUMERATION,
+    NO_SOLUTION,
+    PIVOTING,
+    PROXIMAL,
+    SOLVED,
+    TOLERANCE,
+    matrix_size,
+    solve_planar,
 )
 from rungwise.contact.step.steady import correct_velocities
 from rungwise.contact.step.worth import judged

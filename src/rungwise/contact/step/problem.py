@@ -64,7 +64,7 @@ class Unknowns(NamedTuple):
 
 class Elimination(NamedTuple):
     """Room for linear systems with one right-hand side: matrix (size, size + 1), and order (size,) of its
-    pivots; how large, `planar.matrix_size` says."""
+    pivots; how large, `solve.matrix_size` says."""
 
     matrix: Reals
     order: Ints

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.planar import WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.proximal import exertion
+from rungwise.contact.step.solve import WEDGED
 from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import kernel
 

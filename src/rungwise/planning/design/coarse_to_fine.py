@@ -11,7 +11,7 @@ from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import OUTCOMES
-from rungwise.planning.design.tune import Tuner
+from rungwise.planning.design.optimise import Tuner
 from rungwise.simulation.options import moving_rung
 from rungwise.world.carriers import TaskError
 

@@ -16,7 +16,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
 from rungwise.planning.design.coarse_to_fine import Earlier, earlier_rungs, nothing, searched_earlier
-from rungwise.planning.design.tune import GRID, Tuner, centre
+from rungwise.planning.design.optimise import GRID, Tuner, centre
 from rungwise.planning.execution.verify import bound_below
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.task.task import fields_of

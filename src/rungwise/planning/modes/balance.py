@@ -28,7 +28,7 @@ from rungwise.planning.modes.forces.cones import (
     see,
 )  # fmt: skip
 from rungwise.planning.modes.forces.drag import stands, support_by_contacts
-from rungwise.planning.modes.forces.motions import (
+from rungwise.planning.modes.forces.mode_motions import (
     GAIN,
     KEPT,
     LONGEST,

@@ -13,7 +13,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sort_touches, touch
 from rungwise.planning.modes.forces.cones import Memory, memory_for, see
-from rungwise.planning.modes.forces.motions import turn
+from rungwise.planning.modes.forces.mode_motions import turn
 from rungwise.planning.modes.frames import (
     ROAMS,
     TURN,

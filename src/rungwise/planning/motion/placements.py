@@ -2,7 +2,7 @@
 
 Places at the goal are found by projection: from many places, damped Gauss-Newton steps to where no part of
 the goal is lacking and no bodies overlap (Nocedal and Wright, Numerical Optimization, 2006); where steps no
-longer help, other places are drawn. Ways to them are grown by OMPL (`ways`).
+longer help, other places are drawn. Ways to them are grown by OMPL (`free_paths`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Robots on their way through free space, between pushes: the geometric rung, by OMPL.
 
-Straight ways that are free are taken as they are; others are grown by OMPL and pulled tight (`ways`). All
-other bodies hold still.
+Straight ways that are free are taken as they are; others are grown by OMPL and pulled tight (`free_paths`).
+All other bodies hold still.
 """
 
 from __future__ import annotations

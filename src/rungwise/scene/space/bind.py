@@ -19,7 +19,7 @@ from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import contact_laws, sides_of
-from rungwise.scene.space.model import change, compiled, targets
+from rungwise.scene.space.mujoco_model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
 from rungwise.scene.space.settled import settled

@@ -17,7 +17,7 @@ from rungwise.scene.space.assembly.parts import assembled
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, as_labels, label, labels
-from rungwise.scene.space.model import LIBRARY, compiled, no_file
+from rungwise.scene.space.mujoco_model import LIBRARY, compiled, no_file
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
 from rungwise.scene.stated import NameTemplate

@@ -18,7 +18,7 @@ from rungwise.scene.space.bind import SpaceBound, Told, bind, normalise
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import smallest
-from rungwise.scene.space.model import LIBRARY, model_path
+from rungwise.scene.space.mujoco_model import LIBRARY, model_path
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.stated import StatedScene
 

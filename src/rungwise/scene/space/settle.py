@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.scene.space.model import of_unit_mass
+from rungwise.scene.space.mujoco_model import of_unit_mass
 
 if TYPE_CHECKING:
     import mujoco

@@ -32,7 +32,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.sets import store
 from rungwise.sets.cells.labels import Label, LabelledSet, bounds_of
-from rungwise.sets.doomed.images import Images
+from rungwise.sets.doomed.cell_mapping import Images
 from rungwise.sets.doomed.macro_steps import Macro, Stated
 from rungwise.sets.doomed.states import box_of_states, check_states, columns_of, input_box, state_name
 from rungwise.sets.motions import SLOWEST

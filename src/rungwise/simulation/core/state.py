@@ -39,7 +39,8 @@ class State(Block):
 
     Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
     impulse (, d) since the last frame. `laws` (3, slots): friction of what sticks, and of what slides (see
-    `core.sticking`), and whether impacts have two phases (`core.impacts`); (3, 0) where no contact names one.
+    `core.static_friction`), and whether impacts have two phases (`core.poisson_impact`); (3, 0) where no
+    contact names one.
     """
 
     clock: RecordArray

@@ -21,7 +21,6 @@ from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.accept import accept, fill_pace, take_slots
 from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
 from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
@@ -39,6 +38,7 @@ from rungwise.simulation.core.tolerances import (
     SHORTER,
     SINKING,
 )
+from rungwise.simulation.core.update_state import accept, fill_pace, take_slots
 from rungwise.system.moving import Crowded, Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 

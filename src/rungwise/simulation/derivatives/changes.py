@@ -16,7 +16,7 @@ from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.template.records import FREE, HINGE
 from rungwise.simulation.core.tolerances import ROUNDING
-from rungwise.simulation.derivatives.differences import Assembly, Held, Start
+from rungwise.simulation.derivatives.assembly import Assembly, Held, Start
 
 Array: TypeAlias = NDArray[np.float64]
 Data: TypeAlias = dict[str, Array]

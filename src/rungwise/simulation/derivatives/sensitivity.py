@@ -27,11 +27,11 @@ from rungwise.scene.read import load_planar
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import LINEARISATIONS
+from rungwise.simulation.derivatives.assembly import Assembly, Held, Start
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity
-from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.seams import is_continued
 from rungwise.wording import choices
 

@@ -14,7 +14,7 @@ from rungwise.simulation.inputs import Segment, compile_segments
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.workspace import Workspace
-from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 FOR_GOOD = Segment(duration=math.inf)
 """What follows the last segment that was told: inputs stay as they are."""

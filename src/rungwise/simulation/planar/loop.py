@@ -80,6 +80,8 @@ MAX_HALVINGS = 60
 STALLS, NOWHERE = 10, 0.2
 """After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
 without solution, a step without solution by no more than that is a jam: what closes in between is closed."""
+BETWEEN = 3
+"""Steps as short that follow no step without solution, and that make up for one of these steps."""
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 
@@ -285,8 +287,9 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                 verdict = judge(conditions, state, workspace.scratch)
             clock.steps += 1
             clock.taken = h
-            stalls = refused and h * max(moving, _fastest(records, rung, workspace)) < nowhere
-            clock.stalled = clock.stalled + 1 if stalls else 0
+            short = h * max(moving, _fastest(records, rung, workspace)) < nowhere
+            stalls = refused and short
+            clock.stalled = max(clock.stalled + (BETWEEN if refused else -1), 0) if short else 0
             clock.next = control[0].step if past else following
             if cut and following >= h and is_over(stop, clock.time, h):
                 clock.next = max(clock.next, planned)
@@ -315,7 +318,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
         if status == REFUSED and moving > 0.0:
             refused = True
             moved = h * max(moving, _fastest(records, rung, workspace))
-            if moved < control[0].jam or (clock.stalled >= STALLS and moved < nowhere):
+            if moved < control[0].jam or (clock.stalled >= BETWEEN * STALLS and moved < nowhere):
                 return JAMMED
         if status == UNDEFINED and h <= control[0].step:
             return INVALID

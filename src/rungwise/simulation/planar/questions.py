@@ -12,7 +12,7 @@ from rungwise.scene.template.template import Numbers
 from rungwise.simulation.planar.state.held_since import set_ways
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.place import place
 
 

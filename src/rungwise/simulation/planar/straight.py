@@ -10,7 +10,7 @@ from rungwise.kernel import Ints, Reals, kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Workspace
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.place import place
 
 DEEPEST = 64

@@ -17,7 +17,7 @@ from rungwise.outcome import Code
 from rungwise.plain import cut
 from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
-from rungwise.scene.space.model import library
+from rungwise.scene.space.mujoco_model import library
 from rungwise.simulation.inputs import condition
 from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.memory import memory_parts

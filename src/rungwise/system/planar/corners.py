@@ -18,8 +18,7 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.template.records import HALFPLANE, Records
-from rungwise.system.planar.joined import joined_manifold
-from rungwise.system.planar.manifold import (
+from rungwise.system.planar.contact_manifold import (
     ABSENT,
     GAP,
     NORMAL_X,
@@ -33,6 +32,7 @@ from rungwise.system.planar.manifold import (
     manifold,
     put,
 )
+from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.place import Placement, X, Y, allocate_placement, coordinate_count, lever, turns
 from rungwise.system.planar.seams import FLUSH, Seams
 

@@ -10,9 +10,7 @@ import math
 
 from rungwise.kernel import Reals, Record, kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, Records
-from rungwise.system.planar.corners import Course, crosses, set_course, touching_face
-from rungwise.system.planar.joined import joined_manifold
-from rungwise.system.planar.manifold import (
+from rungwise.system.planar.contact_manifold import (
     ABSENT,
     GAP,
     LANDED,
@@ -25,6 +23,8 @@ from rungwise.system.planar.manifold import (
     next_vertex,
     vertex_before,
 )
+from rungwise.system.planar.corners import Course, crosses, set_course, touching_face
+from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.near import forget_gaps, forget_slot, is_listed, list_near, near_pairs, pair_at
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rungwise.kernel import Reals, Record, RecordArray, inner_kernel
 from rungwise.system.entries import Entries, clear_rows, is_crowded, set_spans
-from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.system.planar.contact_manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import coordinate_count, lever
 
 

@@ -12,7 +12,7 @@ import math
 
 from rungwise.kernel import Reals, Record, kernel
 from rungwise.scene.template.records import HALFPLANE
-from rungwise.system.planar.manifold import (
+from rungwise.system.planar.contact_manifold import (
     ABSENT,
     GAP,
     NORMAL_X,
@@ -189,7 +189,7 @@ def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
 def _from_edge(
     shape: Record, other: Record, best: Separation, sign: float, outline: Reals, seams: Seams, found: Found
 ) -> int:
-    """Points on the best edge as in `manifold`, but on the whole faces of the edge and the facing edge."""
+    """Points on the best edge as on a lone shape, but on the whole faces of the edge and the facing edge."""
     (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE

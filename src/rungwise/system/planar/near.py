@@ -11,7 +11,7 @@ import math
 
 from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, Records
-from rungwise.system.planar.manifold import ABSENT, Manifolds
+from rungwise.system.planar.contact_manifold import ABSENT, Manifolds
 from rungwise.system.planar.place import Placement, X, Y
 
 AHEAD = 8.0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel, rare_kernel
 from rungwise.scene.template.records import FIXED, HALFPLANE, SPEED, Records
-from rungwise.system.planar.manifold import ABSENT, VERTICES, Manifolds, are_parallel, height
+from rungwise.system.planar.contact_manifold import ABSENT, VERTICES, Manifolds, are_parallel, height
 from rungwise.system.planar.place import Placement, X, Y
 
 NONE = -1

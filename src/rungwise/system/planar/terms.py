@@ -7,8 +7,8 @@ import math
 from rungwise.kernel import Ints, Reals, Record, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
 from rungwise.system.entries import clear_rows, fill_span, is_crowded, set_spans
+from rungwise.system.planar.contact_manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.jacobian import enter_rows
-from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import X, Y
 from rungwise.system.planar.supports import enter_supports, slides_any_way

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Ints, Reals, steady
-from rungwise.scene.space.model import of_unit_mass
+from rungwise.scene.space.mujoco_model import of_unit_mass
 from rungwise.system.moving import Moment, fall_freely
 from rungwise.system.spatial.drives import Drives, fill_moments
 from rungwise.system.spatial.spins import spins, turn_freely

@@ -27,7 +27,7 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.raised import raised_in
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
-from rungwise.system.planar import manifold
+from rungwise.system.planar import contact_manifold
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.find_contacts import find_contacts
 from rungwise.system.planar.place import X, Y, allocate_placement, place
@@ -301,7 +301,7 @@ def _replay(
     count, slots = len(q), 2 * len(records.pairs)
     if len(records.pairs) <= EXACT:
         records.contacts["watched"] = 1
-    placed, manifolds = allocate_placement(records), manifold.allocate_manifolds(records)
+    placed, manifolds = allocate_placement(records), contact_manifold.allocate_manifolds(records)
     points, features = manifolds.points, manifolds.features
     seams, course = allocate_seams(records), allocate_course(records)
     reach = records.shapes["reach"]
@@ -320,11 +320,13 @@ def _replay(
         find_contacts(records, placed, q[k], margin, manifolds, seams, course)
         gap[k] = manifolds.gaps
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)
-        at = np.flatnonzero((features != manifold.ABSENT) & (active | (points[:, manifold.GAP] <= margin)))
-        nx, ny = points[at, manifold.NORMAL_X], points[at, manifold.NORMAL_Y]
+        at = np.flatnonzero(
+            (features != contact_manifold.ABSENT) & (active | (points[:, contact_manifold.GAP] <= margin))
+        )
+        nx, ny = points[at, contact_manifold.NORMAL_X], points[at, contact_manifold.NORMAL_Y]
         along, across = force[k, at].T
         world = np.column_stack([along * nx + across * ny, along * ny - across * nx])
-        spot = points[at][:, [manifold.POINT_X, manifold.POINT_Y]]
+        spot = points[at][:, [contact_manifold.POINT_X, contact_manifold.POINT_Y]]
         rows.append((np.full(len(at), k), contact_of[at], spot, world, _SHOWN[mode[k, at]]))
     pose[:, :, 2] = _angles(records, q)
     return pose, Touches(*(np.concatenate(column) for column in zip(*rows, strict=True))), gap

@@ -19,8 +19,8 @@ from rungwise.planning.diagnosis.sentences import UNTOUCHED
 from rungwise.scene import Scene
 from rungwise.viewing.plane.arrows import View, view_of
 from rungwise.viewing.plane.clip import Clip, of_trajectory
-from rungwise.viewing.plane.draw import INK, draw_frame, placed, pose_at, rounded
-from rungwise.viewing.plane.strip import legend
+from rungwise.viewing.plane.draw_frame import INK, draw_frame, placed, pose_at, rounded
+from rungwise.viewing.plane.pictures import legend
 from rungwise.viewing.sheet import GAP, MODELS, WIDE
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.world.find import world_of

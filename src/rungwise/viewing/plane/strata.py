@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene
 from rungwise.scene.language.expression import SLOTS, STACK, holds
+from rungwise.system.planar.contact_manifold import allocate_manifolds
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.find_contacts import find_contacts
-from rungwise.system.planar.manifold import allocate_manifolds
 from rungwise.system.planar.place import allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams
 

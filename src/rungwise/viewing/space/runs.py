@@ -11,10 +11,10 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Outcome
 from rungwise.scene.space import load_space
-from rungwise.scene.space.model import library
+from rungwise.scene.space.mujoco_model import library
 from rungwise.simulation.trajectory import read_saved
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
-from rungwise.viewing.space.mjcf import film_of_model
+from rungwise.viewing.space.model_solids import film_of_model
 
 if TYPE_CHECKING:
     import mujoco

@@ -14,7 +14,7 @@ from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.state.nearby import gather, look
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.straight import way_is_clear
-from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
+from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT

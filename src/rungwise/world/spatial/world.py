@@ -18,7 +18,7 @@ from rungwise.world.spatial.around.surroundings import SpatialSurroundings
 from rungwise.world.spatial.configurations import SpatialConfigurations
 from rungwise.world.spatial.description import describe, described
 from rungwise.world.spatial.evidence import end, evidence
-from rungwise.world.spatial.exported import joints, mjcf
+from rungwise.world.spatial.export import joints, mjcf
 from rungwise.world.spatial.instance import SpatialInstance, roles_in_space
 from rungwise.world.spatial.marks import marks_of, measures
 from rungwise.world.spatial.matching import matched

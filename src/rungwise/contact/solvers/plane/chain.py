@@ -15,7 +15,8 @@ from rungwise.contact.solvers.plane.part import Part, compress, cut, guess, hand
 from rungwise.contact.solvers.plane.proximal import TURNS, solve_part
 from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import (
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
+from rungwise.contact.step.solve import (
     ENOUGH,
     PROXIMAL,
     SOLVED,
@@ -24,7 +25,6 @@ from rungwise.contact.step.planar import (
     WEDGED,
     solve_planar,
 )
-from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.steady import correct_velocities
 from rungwise.kernel import Ints, allocating_kernel, inner_kernel
 

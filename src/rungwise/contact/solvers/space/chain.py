@@ -33,9 +33,9 @@ from rungwise.contact.solvers.space.room import (
 from rungwise.contact.solvers.space.rows import Bodies, Groups, demanded_yield, lead_rows
 from rungwise.contact.solvers.space.sweeps import accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual_in_space import residual_where
+from rungwise.contact.step.solve import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 

@@ -11,7 +11,7 @@ from rungwise.kernel import Reals
 from rungwise.scene.errors import SceneError
 from rungwise.scene.space.assembly.servos import add_servos
 from rungwise.scene.space.fields import Model, Part
-from rungwise.scene.space.model import compiled, library, model_path, read_spec
+from rungwise.scene.space.mujoco_model import compiled, library, model_path, read_spec
 from rungwise.scene.space.packages import with_files
 from rungwise.scene.stated import Numbers
 

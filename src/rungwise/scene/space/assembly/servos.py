@@ -9,7 +9,7 @@ from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import Servo
-from rungwise.scene.space.model import library, named
+from rungwise.scene.space.mujoco_model import library, named
 from rungwise.scene.stated import Numbers
 from rungwise.wording import choices
 

@@ -28,8 +28,8 @@ from rungwise.simulation.planar.state.workspace import (
     Workspace,
 )  # fmt: skip
 from rungwise.system.entries import CROWDED
+from rungwise.system.planar.contact_manifold import ABSENT, allocate_manifolds
 from rungwise.system.planar.corners import allocate_course
-from rungwise.system.planar.manifold import ABSENT, allocate_manifolds
 from rungwise.system.planar.place import allocate_placement
 from rungwise.system.planar.pressed import allocate_surfaces
 from rungwise.system.planar.seams import allocate_seams

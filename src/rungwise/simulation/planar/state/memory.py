@@ -8,7 +8,7 @@ from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.verdicts import RUNNING
 from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
-from rungwise.system.planar.manifold import ABSENT, UNKNOWN
+from rungwise.system.planar.contact_manifold import ABSENT, UNKNOWN
 from rungwise.system.planar.near import is_listed
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART

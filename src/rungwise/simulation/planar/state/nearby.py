@@ -12,8 +12,8 @@ from rungwise.simulation.planar.state.laws import add_pulls, soften
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.planar import joints, supports
 from rungwise.system.planar import terms as planar
+from rungwise.system.planar.contact_manifold import ABSENT, GAP, LANDED, LIFTED
 from rungwise.system.planar.find_contacts import find_contacts
-from rungwise.system.planar.manifold import ABSENT, GAP, LANDED, LIFTED
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import Terms

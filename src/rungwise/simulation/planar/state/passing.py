@@ -15,7 +15,7 @@ from rungwise.kernel import Record, kernel
 from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.moving import LOOKS, SLIP
-from rungwise.system.planar.manifold import LIFTED, NORMAL_X, NORMAL_Y, Found, manifold
+from rungwise.system.planar.contact_manifold import LIFTED, NORMAL_X, NORMAL_Y, Found, manifold
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 

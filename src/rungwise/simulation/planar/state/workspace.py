@@ -11,8 +11,8 @@ from rungwise.block import Block
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.simulation.core import state as core
+from rungwise.system.planar.contact_manifold import Manifolds
 from rungwise.system.planar.corners import Course
-from rungwise.system.planar.manifold import Manifolds
 from rungwise.system.planar.place import Placement
 from rungwise.system.planar.seams import Seams
 from rungwise.system.terms import Terms
@@ -44,7 +44,8 @@ another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
-the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
+the last steps that went nearly nowhere: up for each that stands in place of a longer one without solution,
+down for each other. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
 `snapped` says that such a motion ended the run (see `step.snaps`). At `mark`
 the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`

@@ -8,9 +8,9 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.template.records import HINGE, SERVO, Records
-from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
 from rungwise.simulation.core.tolerances import EXACT, LINEARISATIONS, OVERLAP
+from rungwise.simulation.core.update_state import accept_forces, account, end_velocity
 from rungwise.simulation.planar.state.memory import bring_back, remember
 from rungwise.simulation.planar.state.nearby import begin_step, fastest_pair, gather, look, widen
 from rungwise.simulation.planar.state.passing import passes
@@ -35,7 +35,7 @@ from rungwise.simulation.planar.step.preferred_motion import SUDDEN, choose_moti
 from rungwise.simulation.planar.step.snaps import is_coarse
 from rungwise.system.moving import SLIP
 from rungwise.system.planar import joints
-from rungwise.system.planar.manifold import ABSENT, GAP
+from rungwise.system.planar.contact_manifold import ABSENT, GAP
 from rungwise.system.planar.near import forget_forces
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms

@@ -16,7 +16,7 @@ from rungwise.simulation.core.crawl import (
     voted,
 )
 from rungwise.simulation.planar.state.workspace import State, Workspace
-from rungwise.system.planar.manifold import ABSENT, GAP
+from rungwise.system.planar.contact_manifold import ABSENT, GAP
 
 
 @inner_kernel

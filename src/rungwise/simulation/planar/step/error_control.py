@@ -26,7 +26,7 @@ from rungwise.simulation.planar.step.leaps import is_tiny
 from rungwise.simulation.planar.step.midpoint_rows import meets
 from rungwise.simulation.planar.step.snaps import snaps
 from rungwise.simulation.planar.step.step_error import AHEAD, closes, disagreement, mode_at_start
-from rungwise.system.planar.manifold import VERTICES
+from rungwise.system.planar.contact_manifold import VERTICES
 from rungwise.system.planar.place import turns
 
 LEAPT = 5

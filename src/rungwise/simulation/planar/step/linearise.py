@@ -9,7 +9,7 @@ from rungwise.simulation.planar.state.nearby import attract, gather, join
 from rungwise.simulation.planar.state.workspace import Scratch, Workspace
 from rungwise.simulation.planar.step.midpoint_rows import take_means
 from rungwise.system.planar import terms as planar
-from rungwise.system.planar.manifold import GAP
+from rungwise.system.planar.contact_manifold import GAP
 from rungwise.system.terms import Terms
 
 

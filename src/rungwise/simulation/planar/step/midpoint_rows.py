@@ -23,8 +23,8 @@ from rungwise.simulation.planar.state.nearby import farthest, swing
 from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.system.entries import fill_span
 from rungwise.system.planar import joints
+from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.jacobian import contact_rows
-from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.terms import Terms
 
 STRAIGHT = 1e-6

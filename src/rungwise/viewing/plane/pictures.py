@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rungwise.viewing.plane.arrows import MARKS, View, short, view_of
 from rungwise.viewing.plane.clip import Clip
-from rungwise.viewing.plane.draw import GOAL, GOAL_LINE, INK, ROLES, draw_frame
+from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE, INK, ROLES, draw_frame
 from rungwise.viewing.plane.run_page import labels, title
 from rungwise.viewing.sheet import MODELS, Look, save_moving, sheet, times_of
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.viewing.plane.arrows import ARROW, LONGEST, MARKS, SHORTEST
-from rungwise.viewing.plane.draw import INK
+from rungwise.viewing.plane.draw_frame import INK
 from rungwise.viewing.sheet import Look, save_moving, sheet, times_of
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film
