@@ -19,7 +19,7 @@ import pytest
 import rungwise as rw
 from rungwise import cli
 from rungwise.compilation.progress import compiling
-from rungwise.simulation import workers as workers
+from rungwise.simulation import threads
 
 OVER = "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9"
 BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}
@@ -228,7 +228,7 @@ def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch
     accuracy, over = 3e-3, ("v1", "v2")
     batch = rw.Batch(rw.load("two_finger"), rw.DYNAMIC_RIGID, over, tol=accuracy)
     steps = batch.run(np.random.default_rng(0).uniform(0.2, 2.2, (2000, 2))).steps
-    monkeypatch.setattr(workers, "BUDGET", int(steps.max()) - 1)
+    monkeypatch.setattr(threads, "BUDGET", int(steps.max()) - 1)
     found = rw.feasible_set("two_finger", rw.DYNAMIC_RIGID, over, box=BOX, tol=0.02, accuracy=accuracy)
     parts = found.volumes()
     assert set(parts) >= {"unknown", "doomed"} and sum(parts.values()) == pytest.approx(1.0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.fields.values import shown
-from rungwise.simulation.workers import names_of
+from rungwise.simulation.threads import names_of
 from rungwise.wording import choices
 
 DECADES = 100.0

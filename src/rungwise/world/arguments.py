@@ -18,7 +18,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import ScheduleError, Segment, condition
 from rungwise.simulation.rows import States, rows_of
 from rungwise.simulation.state import State, StateError, check_state
-from rungwise.simulation.workers import names_of, outside
+from rungwise.simulation.threads import names_of, outside
 from rungwise.wording import choices
 
 

@@ -20,7 +20,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.result import counted, texts
-from rungwise.simulation.workers import names_of, outside
+from rungwise.simulation.threads import names_of, outside
 from rungwise.world.find import world_of
 
 

@@ -25,7 +25,7 @@ from rungwise.scene.read import load
 from rungwise.sets.feasible.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
 from rungwise.simulation.options import moving_rung
-from rungwise.simulation.workers import names_of
+from rungwise.simulation.threads import names_of
 from rungwise.world.carriers import TaskError
 from rungwise.world.find import impossible
 

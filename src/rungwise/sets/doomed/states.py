@@ -15,7 +15,7 @@ from rungwise.scene.language.expression import CONDITIONS
 from rungwise.scene.language.lasting import FOR, names_in
 from rungwise.sets.doomed.macro_steps import SPEED_OF, Stated
 from rungwise.sets.store import SetError
-from rungwise.simulation.workers import names_of
+from rungwise.simulation.threads import names_of
 from rungwise.wording import choices
 
 

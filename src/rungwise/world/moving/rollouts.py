@@ -15,7 +15,7 @@ from rungwise.scene.stated import StatedScene
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms
 from rungwise.simulation.options import ModelError, RunOptions, count
-from rungwise.simulation.workers import BUDGET, threads_of
+from rungwise.simulation.threads import BUDGET, threads_of
 from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told
 from rungwise.world.moving.runs import MOST, PARTS, MovingRuns, columns, sampled

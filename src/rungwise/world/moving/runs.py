@@ -29,7 +29,7 @@ from rungwise.simulation.moving.processes import (
 )
 from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
-from rungwise.simulation.workers import BUDGET, threads_of
+from rungwise.simulation.threads import BUDGET, threads_of
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.find import world_of
 from rungwise.world.rolled import Ended

@@ -21,7 +21,7 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.result import pair_labels
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
-from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
+from rungwise.simulation.threads import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
 from rungwise.world.planar.runs import columns, proved

@@ -21,7 +21,7 @@ from rungwise.simulation.reasons.reasons import JAM
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
-from rungwise.simulation.workers import BUDGET, CHUNK, Starts, Workers
+from rungwise.simulation.threads import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 from rungwise.world.planar.surroundings import PlanarSurroundings
