@@ -194,13 +194,15 @@ def balls(case: Case, true: dict[str, float], trials: int, rng: np.random.Genera
     )  # fmt: skip
 
 
-def pushes(case: Case, true: dict[str, float], trials: int, rng: np.random.Generator) -> rw.Motions:
-    """Slow pushes of a box on a support, each at a height that is known."""
+def pushes(
+    case: Case, true: dict[str, float], trials: int, rng: np.random.Generator, noise: float = 1.0
+) -> rw.Motions:
+    """Slow pushes of a box on a support, each at a height that is known; noise: in deviations."""
     start = np.zeros((trials, 8))
     start[:, 4] = 0.05
     heights = rng.uniform(-0.035, 0.035, trials)
     places, _ = _run(case, true | {"y": heights}, start, PUSH_FRAMES, PUSHED)
-    places += rng.normal(size=places.shape) * [1e-9, PLACE, PLACE, TURN]
+    places += noise * rng.normal(size=places.shape) * [1e-9, PLACE, PLACE, TURN]
     names = ("rod.x", "box.x", "box.y", "box.angle")
     deviations = {"box.x": PLACE, "box.y": PLACE, "box.angle": TURN}
     times = PUSHED * np.arange(PUSH_FRAMES + 1)

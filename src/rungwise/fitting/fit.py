@@ -48,7 +48,8 @@ def fit(
 
     Args:
         scene, model: as for `simulate`. Goals and other conditions of the scene end no run.
-        motions: measured trials. Starts that overlap are moved out by the least motion.
+        motions: measured trials. Starts are moved out of overlaps and onto contacts that last, to the most
+            probable place.
         over: names of the parameters to find, each in its range, or in `box`.
         parameters: values of other parameters; values that the motions give for a trial take
             precedence.

@@ -55,7 +55,7 @@ class Fit(ByContent):
     errors of short spans, by phase (flight, impact, sliding, rest); misfit: loss of the errors divided by its
     value if measurement and starts were the only errors (then 1), median over trials; unlike: what of the
     errors is least like those of motions that the rung makes, None where `misfit` decides; trials, spans:
-    their numbers; span: length of a span; moved: greatest length by which overlapping starts were moved;
+    their numbers; span: length of a span; moved: greatest length by which starts were moved;
     ended: fraction of runs that reached the end of their span; loss: the robust loss; runs: number of runs;
     unfinished: the work that a limit left undone, in words; wall_s.
     """

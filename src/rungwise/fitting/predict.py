@@ -83,7 +83,7 @@ class Predictor:
         self._given = dict(parameters)
         self.tol, self._step = tol, step
         self._threads, self._deadline, self._log = threads, deadline, log
-        self._parting = Parting(self.scene, ends)
+        self._parting = Parting(self.scene, ends, spans.start[:, : spans.q.shape[1]].max(axis=0))
         self.made, self.moved = np.zeros(1, np.int64), np.zeros(len(spans.trial))
         self._known: dict[bytes, Predicted] = {}
 
@@ -216,7 +216,10 @@ class Predictor:
             same = group.reshape(-1) == number
             named = self._given | dict(zip(names, values[row].tolist(), strict=True))
             own = self._parting.closed(found[same], named, known)
-            own[:, :n], moved[same] = self._parting(own[:, :n].copy(), named)
+            rows = np.flatnonzero(same) % s
+            own_rows, at = np.unique(rows, return_inverse=True)
+            lasting = self._parting.lasting(self.spans.q[own_rows], self.spans.around[own_rows], named)
+            own[:, :n], moved[same] = self._parting(own[:, :n].copy(), named, lasting[at])
             found[same] = own
         self.moved = moved.reshape(p, s)[-1]
         return found.reshape(p, s, -1)

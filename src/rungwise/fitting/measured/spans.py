@@ -24,12 +24,17 @@ PARTS_OF_TOUCH = 2
 """Spans of a trial, by default, for each time that bodies come to touch in it."""
 
 
+BESIDE = 3
+"""Frames on each side of a start by which it is seen whether contacts last there."""
+
+
 class Spans(NamedTuple):
     """s spans with g moments at most: the trial of each (s,); where it begins, q (s, n_q) and v (s, n_v);
     durations (s, g) from moment to moment, 0 for such as a span lacks; measured places (s, g, n_q), which of
     the moments count (s, g), times since the start (s, g); names of known parameters and inputs, values
     (s, p), and (s, g, u); `first` (s,): the time in the trial at which it begins; `start` (s, n_q + n_v):
-    deviations of q and v."""
+    deviations of q and v; around (s, w, n_q): measured places of the frames about the start, nan where there
+    are none."""
 
     trial: Ints
     q: Reals
@@ -44,6 +49,7 @@ class Spans(NamedTuple):
     levels: Reals
     first: Reals
     start: Reals
+    around: Reals
 
     def take(self, rows: Ints) -> Spans:
         """Some of the spans."""
@@ -61,6 +67,7 @@ class Spans(NamedTuple):
                 "levels",
                 "first",
                 "start",
+                "around",
             )
         }
         return self._replace(**whole)
@@ -184,5 +191,13 @@ def _stacked(scene: Any, layout: Layout, found: list[_Span], g: int) -> Spans:
     whole = Spans(
         np.array([each.trial for each in found]), q, v, durations, aims, counts, since,
         known + inputs, values, inputs, levels, first, start,
+        np.array([_around(trials[each.trial].q, each.start) for each in found]),
     )  # fmt: skip
     return whole.take(np.flatnonzero(finite & counts.any(axis=1)))
+
+
+def _around(q: Reals, start: int) -> Reals:
+    """Measured places (w, n_q) of the frames about one, nan beyond those that there are."""
+    rows = np.arange(start - BESIDE, start + BESIDE + 1)
+    inside = (rows >= 0) & (rows < len(q))
+    return np.where(inside[:, None], q[np.clip(rows, 0, len(q) - 1)], np.nan)
