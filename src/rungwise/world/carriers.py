@@ -18,6 +18,8 @@ SLIGHT = 1e-3
 """Gap, in parts of that within which contacts are closed, from which on a contact counts as open."""
 BESIDE = 2.0
 """Gaps over the deepest overlap of contacts that steps do not close any more."""
+ROUNDED = 1e-9
+"""Part of a gap that is to be kept by which it may be less, by rounding."""
 
 
 class TaskError(InputError):

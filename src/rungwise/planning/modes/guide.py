@@ -9,15 +9,13 @@ from itertools import pairwise
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.modes.ground import Ground
+from rungwise.planning.modes.ground import DEPENDENT, Ground
 from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
 
 CLEAR = 0.02
 """Gap, in parts of the size, that an object keeps on its way."""
 APART = 0.5
 """How far places on the way are from each other at most, in parts of the size."""
-RANK = 1e-6
-"""Rates of gaps, in parts of the size, below which a contact adds nothing to others."""
 ROOM, TURNS = 3.0, 0.5
 """Room about start and goal for the way, in parts of the size, and for turns, in parts of the way of points
 that are so far from the centre."""
@@ -69,7 +67,7 @@ def _along_contacts(
     seen = ground.look(q)
     normals = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
     _, sizes, axes = np.linalg.svd(normals, full_matrices=True)
-    basis = axes[int((sizes > RANK * size).sum()) :]
+    basis = axes[int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum()) :]
     change = ground.off(q, goal)
     if np.linalg.norm(change - change @ basis.T @ basis) > CLEAR * size or not len(basis):
         return None
@@ -143,7 +141,7 @@ def _raised(ground: Ground, q: Reals) -> Reals:
     """The place (n,) with the object away from all that it touches at q (n,)."""
     seen = ground.look(q)
     normals = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
-    up = np.linalg.lstsq(normals, np.full(len(normals), RAISED * ground.task.size), rcond=RANK)[0]
+    up = np.linalg.lstsq(normals, np.full(len(normals), RAISED * ground.task.size), rcond=DEPENDENT)[0]
     whole = np.zeros(len(ground.around.owners))
     whole[ground.columns] = up / ground.units
     return ground.around.changed(q, whole)

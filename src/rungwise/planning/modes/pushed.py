@@ -9,6 +9,7 @@ from collections.abc import Collection
 import numpy as np
 
 from rungwise.kernel import Reals
+from rungwise.planning.modes.forces.cones import TINY
 from rungwise.planning.modes.frames import AROUND
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.task.task import Task
@@ -22,8 +23,8 @@ AS_IT_IS = 0.7
 """How often it is turned by no more than it takes to lie on a side of the other."""
 BEHIND = 0.3
 """Least part of the way of a place that goes into the object, where that place is pushed."""
-TRIED, SAME = 8, 1e-9
-"""Places behind it of which the nearest is taken; and turns, in radians, that differ by rounding."""
+TRIED = 8
+"""Places behind it of which the nearest is taken."""
 INTO = 2.0
 """How far it is led into the other, in gaps that count as closed, so that they touch."""
 
@@ -102,7 +103,7 @@ def _behind(ground: Ground, seen: Seen, now: Reals, then: Reals, rng: np.random.
     for k in rng.choice(AROUND, size=TRIED, p=into / into.sum()).tolist():
         turns = np.arctan2(inward[k, 1], inward[k, 0]) - np.arctan2(-facing[:, 1], -facing[:, 0])
         turns = (turns + math.pi) % (2.0 * math.pi) - math.pi
-        flat = np.flatnonzero(np.abs(turns) <= np.abs(turns).min() + SAME)
+        flat = np.flatnonzero(np.abs(turns) <= np.abs(turns).min() + TINY)
         j = int(rng.choice(flat) if rng.random() < AS_IT_IS else rng.integers(AROUND))
         c, s = math.cos(turns[j]), math.sin(turns[j])
         arm = np.array([[c, -s], [s, c]]) @ (own[j] - pose[:2])

@@ -13,6 +13,7 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
+from rungwise.world.carriers import ROUNDED
 
 if TYPE_CHECKING:
     from rungwise.world.contract import Configurations
@@ -44,7 +45,7 @@ def is_clear(gaps: Callable[[Reals], Reals], a: Reals, b: Reals, length: float, 
     what the gaps at its ends exceed the least one by; other parts are halved, until they are as short as the
     least gap."""
     at, found = np.array([0.0, 1.0]), gaps(np.stack([a, b]))
-    while (found >= least * (1.0 - 1e-9)).all():
+    while (found >= least * (1.0 - ROUNDED)).all():
         parts = length * np.diff(at)
         unsure = np.flatnonzero((found[:-1] + found[1:] - parts < 2.0 * least) & (parts > least))
         if not len(unsure):

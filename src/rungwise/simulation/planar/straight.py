@@ -15,28 +15,25 @@ from rungwise.system.planar.place import place
 
 DEEPEST = 64
 """Halvings of a way for which there is room: more than rounding leaves."""
-ROUNDED = 1e-9
-"""Part of the gap that is kept by which it may be less, by rounding."""
 
 
 def way_is_clear(
     records: Records, workspace: Workspace, ends: tuple[Reals, Reals], length: float, least: float,
-    pairs: Ints,
+    enough: float, pairs: Ints,
 ) -> bool:  # fmt: skip
-    """See `world.carriers.Surroundings.is_clear`."""
+    """See `world.carriers.Surroundings.is_clear`; `enough` is the least gap but for rounding."""
     parts = np.empty((DEEPEST, 4))
     a, b = (np.ascontiguousarray(end) for end in ends)
-    return bool(_stays(records, workspace, a, b, length, least, pairs, parts))
+    return bool(_stays(records, workspace, a, b, length, least, enough, pairs, parts))
 
 
 @kernel
 def _stays(
-    records: Records, workspace: Workspace, a: Reals, b: Reals, length: float, least: float, pairs: Ints,
-    parts: Reals,
+    records: Records, workspace: Workspace, a: Reals, b: Reals, length: float, least: float, enough: float,
+    pairs: Ints, parts: Reals,
 ) -> bool:  # fmt: skip
     """Parts of the way that are not decided are in the rows of `parts`: where they begin and end, and the
     gaps there."""
-    enough = least * (1.0 - ROUNDED)
     first = gap_at(records, workspace, a, b, 0.0, pairs)
     last = gap_at(records, workspace, a, b, 1.0, pairs)
     if not (first >= enough and last >= enough):

@@ -11,14 +11,12 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene import Scene
+from rungwise.simulation.core.tolerances import EXACT
 from rungwise.system.planar.place import turns
 from rungwise.world.contract import OBJECT
 from rungwise.world.moving.configurations import StraightWays, pairs_without
 from rungwise.world.planar.instance import roles_in_plane
 from rungwise.world.planar.place import PlanarPlace
-
-ROUNDING = 1e-9
-"""Overlap that counts as rounding, in parts of the size of what is moved."""
 
 
 class PlanarConfigurations(StraightWays):
@@ -28,7 +26,7 @@ class PlanarConfigurations(StraightWays):
         records = scene.bind(parameters).records
         self._place = PlanarPlace(scene, parameters)
         coordinates, reach = records.coordinates, records.shapes["reach"]
-        self.names, self.size, self.rounding = scene.template.bodies, size, ROUNDING * size
+        self.names, self.size, self.rounding = scene.template.bodies, size, EXACT * size
         self.bound = "bodies are joined" if scene.template.joints else ""
         self.turning = np.array(
             [turns(records.bodies[c["body"]], i) for i, c in enumerate(coordinates)], bool

@@ -18,7 +18,7 @@ from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, POINT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
-from rungwise.world.carriers import Near, Outline, Surfaces, Touches, apart, frame_of
+from rungwise.world.carriers import ROUNDED, Near, Outline, Surfaces, Touches, apart, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
@@ -139,7 +139,8 @@ class PlanarSurroundings:
         )  # fmt: skip
 
     def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:
-        return way_is_clear(self._records, self._workspace, (a, b), length, least, pairs)
+        enough = least * (1.0 - ROUNDED)
+        return way_is_clear(self._records, self._workspace, (a, b), length, least, enough, pairs)
 
     def apart(self, q: Reals) -> Reals:
         """The place (n,) nearest to q (n,), nearly, at which no bodies overlap; a turn counts as the way of

@@ -26,8 +26,9 @@ TINY, UNBALANCED = 1e-9, 1e-6
 """Slip, over the motion, that counts as none; force, over the load, that counts as balanced."""
 AMID = 3e-3
 """Weight of the forces themselves, beside their balance: of all that balance the least, amid the cones."""
-_RANK = 1e-7
-"""Part of a column below which what is left of it counts as none."""
+RANK = 1e-7
+"""Part of a column below which what is left of it counts as none, and of the first row below which others
+count as dependent."""
 _ROUNDING, _ROUNDS = 1e-11, 3
 """Part of what is wanted along a column that counts as none; and how often, for each column, one is taken."""
 
@@ -233,7 +234,7 @@ def _joined(j: int, count: int, d: int, memory: Memory) -> bool:
             for r in range(d):
                 basis[count, r] -= along * basis[i, r]
     norm = math.sqrt(dot(basis[count], basis[count], d))
-    if not norm > _RANK * memory.sizes[j]:
+    if not norm > RANK * memory.sizes[j]:
         return False
     factor[count, count] = norm
     for i in range(d):

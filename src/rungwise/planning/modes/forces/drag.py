@@ -13,15 +13,13 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.forces import cones
-from rungwise.planning.modes.forces.cones import PART, SLIDE, STICK, Memory
+from rungwise.planning.modes.forces.cones import PART, RANK, SLIDE, STICK, Memory
 
 CARRIES = 1e-3
 """Part of the weight above which a contact carries it."""
 STANDS = 0.1
 """Part of the weight that may be left unbalanced while an object is pushed, for the ellipsoid is not the
 limit surface."""
-RANK = 1e-7
-"""Part of the greatest below which rows count as dependent."""
 
 
 def support_by_contacts(mode: Ints, weight: Reals, memory: Memory) -> tuple[Reals, float] | None:

@@ -10,6 +10,7 @@ from rungwise.planning.modes.forces.cones import (
     AMID,
     MOST,
     PART,
+    RANK,
     SLIDE,
     STICK,
     TINY,
@@ -31,8 +32,8 @@ KEPT, WEAK = 1e-4, 1e-3
 none; and the part of the strongest finger's force with which others press at least."""
 LONGEST = 20.0
 """Forces of fingers without a limit, in parts of the load."""
-_RANK, _LEANS = 1e-7, 1e-6
-"""Parts of the first row, and of a support's, below which others count as dependent."""
+_LEANS = 1e-6
+"""Part of a support's row below which what is left of it counts as none."""
 _SAME = 1e-5
 """Parts of motions, beside `TINY`, by which equal ones differ."""
 
@@ -52,7 +53,7 @@ def project(count: int, memory: Memory, motion: Reals) -> int:
         best = math.sqrt(best)
         if step == 0:
             first = best
-        if which < 0 or not best > _RANK * first:
+        if which < 0 or not best > RANK * first:
             return step
         for c in range(size):
             axes[step, c] = held[which, c] / best

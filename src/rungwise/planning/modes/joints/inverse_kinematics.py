@@ -24,8 +24,8 @@ STALLS, HARDLY = 4, 0.9
 """Steps in which the gap and the distance from the line must shrink to this part, or no more follow."""
 NEAR = 0.1
 """How far from the point, in parts of the size, a touch in the plane may be to count as there."""
-BESIDE, CLOSES = 0.5, 8
-"""How far beside the point, in parts of the size, an arm of few joints may touch; and steps until it does."""
+BESIDE = 0.5
+"""How far beside the point, in parts of the size, an arm of few joints may touch."""
 STILL = 1e-7
 """Change of joints in a step below which they go no farther."""
 EXACT = 1e-3
@@ -123,7 +123,7 @@ def _is_at(around: Surroundings, q: Reals, wanted: Reach) -> bool:
 def _closed(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
     """The place (n,) with an arm led along the normal until it touches, as one of few joints that does not
     come to the point itself."""
-    for _ in range(CLOSES):
+    for _ in range(REACHES):
         near = around.near(q, wanted.pair)
         if abs(near.gap) < EXACT * wanted.exact:
             break

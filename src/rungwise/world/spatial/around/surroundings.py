@@ -13,11 +13,9 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching_pairs
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.drives import BALL, FREE
-from rungwise.world.carriers import Near, Outline, Surfaces, Touches
+from rungwise.world.carriers import ROUNDED, Near, Outline, Surfaces, Touches
 from rungwise.world.spatial.around.surface import surface
 
-ROUNDING = 1e-9
-"""Part by which a gap may be less than the least one."""
 CELLS = 1.0 / 3.0
 """A contact keeps its number while it is in the same cell of a geom: beyond this part of its half width on
 either side, or between, along each axis."""
@@ -185,7 +183,7 @@ class SpatialSurroundings:
         change, left = self.change(a, b), [(0.0, 1.0, self._nearest(a, pairs), self._nearest(b, pairs))]
         while left:
             begin, end, near, far = left.pop()
-            if min(near, far) < least * (1.0 - ROUNDING):
+            if min(near, far) < least * (1.0 - ROUNDED):
                 return False
             part = length * (end - begin)
             if near + far - part >= 2.0 * least or part <= least:
