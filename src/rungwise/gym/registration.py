@@ -16,6 +16,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "ramp": True,
     },
     "arm_turn": {},
+    "ball_turn": {},
     "block_turn": {},
     "book": {},
     "card": {},

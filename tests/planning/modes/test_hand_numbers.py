@@ -13,7 +13,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.modes.hands import cycles, gaits
 from rungwise.planning.modes.hands.cycles import Cycles, Stance, Wish, wish
 from rungwise.planning.modes.hands.hand import Hand, hand_of
-from rungwise.planning.modes.hands.press import held, pressing, rests, targets
+from rungwise.planning.modes.hands.press import held, is_led, pressing, rests, targets
 from rungwise.planning.modes.hands.touch import closed, followed, is_clear
 from rungwise.planning.task.task import task_of
 from rungwise.world.find import world_of
@@ -102,6 +102,51 @@ def test_friction_of_what_an_object_slides_over_is_against_its_motion(
     finger = (_pushes((-0.5, -0.5), (1.0, 0.0)), 0.0)
     thing = _held_thing([finger], FLOOR, np.array([0.0, -1.0, 0.0]))
     assert (held(thing, NONE, [0], 0.5, np.array(way)).off < 1e-6) == pushed
+
+
+def test_what_supports_an_object_leaves_it_as_that_rises() -> None:
+    thing = _held_thing([(_pushes((0.0, 0.5), (0.0, -1.0)), 0.0)], FLOOR, np.array([0.0, -1.0, 0.0]))
+    for way, carried in ((1.0, False), (-1.0, True)):
+        assert (held(thing, NONE, [0], 0.2, np.array([0.0, way, 0.0])).off < 1e-6) == carried
+
+
+@pytest.mark.parametrize(("apart", "led"), [(0.005, False), (0.5, True)])
+def test_fingers_that_are_far_from_each_other_leave_an_object_no_motion(apart: float, led: bool) -> None:
+    contacts = [(_pushes((0.5, y), (-1.0, 0.0)), 0.5) for y in (-apart, apart)]
+    assert is_led(_held_thing(contacts), NONE, [0, 1], np.array([0.0, 1.0, 0.0])) == led
+
+
+def test_two_tips_that_lift_a_ball_count_less_than_three() -> None:
+    hand, q = _hand(rw.load("ball_turn"))
+    wanted = Wish(np.zeros(len(hand.around.owners)), 1)
+    wanted.change[hand.columns[2]] = 0.01
+    touches, place = dict[int, cycles.Touch](), q.copy()
+    for f, finger in enumerate(hand.fingers):
+        at, way = (
+            q[:3] + np.array([0.0, 0.0, 0.005]),
+            0.05 * np.array([np.cos(2.1 * f), np.sin(2.1 * f), 0.0]),
+        )
+        begun = finger.posed(place, at + way - hand.around.poses(q)[sorted(finger.bodies)[-1]][:3])
+        found = closed(hand, finger, begun, finger.touching[0])
+        assert found is not None
+        joints = finger.chain.joints(found)
+        touches[f] = cycles.Touch(finger.touching[0], np.array([joints, joints]))
+    every = Cycles(hand, q)
+    two, three = (
+        every._firmness(q, Stance({f: touches[f] for f in which}, frozenset(), 1), wanted, 0)
+        for which in ((0, 1), (0, 1, 2))
+    )
+    assert three > 0.7 and -1.5 < two < three - 0.1
+
+
+def test_fingers_stay_where_they_touch_in_a_part_of_the_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Cycles, "_firmness", lambda *_: 1.0)
+    touch = cycles.Touch(0, np.zeros((3, 2)))
+    pools = [[(True, touch), *[(False, touch)] * 12]] * 3
+    hand: Any = stub(fingers=[])
+    found = Cycles(hand, NONE)._stances(NONE, pools, Wish(NONE, 4), np.random.default_rng(0))
+    stay = np.mean([len(stance.stays) == len(stance.touches) for stance in found])
+    assert 0.1 < stay < 0.9
 
 
 def test_what_hardly_slides_sticks() -> None:

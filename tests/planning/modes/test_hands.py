@@ -81,6 +81,11 @@ def test_what_is_told_of_a_hand_names_its_fingers_and_calls_no_link_of_it_none()
         f"{name}_tip" for name in ("first", "second", "third", "thumb")
     ]
     assert taken(task).others and not described.without_links(task, hand, taken(task)).others
+    # What contact modes would take for fingers is not told beside it.
+    task = task_of(rw.load("ball_turn"))
+    hand = described.turning(task)
+    assert hand is not None and len(taken(task).fingers) == 3
+    assert not described.without_links(task, hand, taken(task)).fingers
     # Contact modes lead the fingers that a task names, and in the plane those with rates.
     assert described.turning(task_of(rw.load("planar_hand"))) is None
     assert described.turning(task_of(unnamed_hand(0.5, 40))) is None
@@ -170,6 +175,13 @@ def test_cycles_give_values_to_all_inputs_and_lead_as_far_as_a_cycle_may() -> No
 @pytest.mark.parametrize(("turn", "seed"), [(0.8, 0), (-0.8, 1), (2.0, 0), (2.0, 1)])
 def test_two_fingers_turn_a_disc_as_far_as_is_asked(turn: float, seed: int) -> None:
     found = _plan(unnamed_hand(turn, 40), "quasistatic-compliant", seed, 20_000)
+    assert found.course.reached
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_three_fingers_lift_a_ball_and_turn_it(seed: int) -> None:
+    found = _plan(rw.load("ball_turn"), "dynamic-compliant", seed, 12_000)
     assert found.course.reached
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.hands.hand import Hand
-from rungwise.planning.modes.hands.press import held, pressing, rests, targets
+from rungwise.planning.modes.hands.press import held, is_led, loaded, pressing, rests, targets
 from rungwise.planning.modes.hands.touch import CLOSED, Touch, closed, followed, is_clear, opened
 
 POSTURES, NEARBY, SPREAD = 12, 0.6, 0.25
@@ -18,12 +18,15 @@ ENOUGH, DRAWS = 4, 60
 """Postures from which a finger follows the object, until which more are drawn, and how many at most."""
 STEP, STEPS = 0.08, 16
 """How far the object goes in a step, in parts of its size, or radians; and most steps."""
-SETS = 60
-"""Sets of fingers and postures that are compared."""
+SETS, KEEPS = 60, 0.4
+"""Sets of fingers and postures that are compared; and part of them in which fingers that touch the object
+stay where they do."""
 CLEAR = 0.15
 """Gap, in parts of the size, at which fingers pass the object."""
 LOOKS = 6
 """Places on the straight way of fingers at which they are looked at."""
+LOOSE = 0.5
+"""How much it counts that fingers leave an object other motions, beside what is out of balance."""
 YIELDS = (0.02, 0.2)
 """By how much servos yield that press, in radians or parts of the size, at least and at most."""
 PARTS = 3
@@ -121,25 +124,32 @@ class Cycles:
         for _ in range(SETS):
             size = int(rng.integers(2, len(able) + 1))
             chosen = sorted(rng.permutation(able)[:size].tolist())
-            picked = {f: self._picked(pools[f], rng) for f in chosen}
+            keeps = rng.random() < KEEPS
+            picked = {f: self._picked(pools[f], keeps, rng) for f in chosen}
             steps = min(touch.steps for _, touch in picked.values())
             stays = frozenset(f for f, (stay, _) in picked.items() if stay)
             stance = Stance({f: touch for f, (_, touch) in picked.items()}, stays, steps)
-            off = max(self._off(q, stance, wanted, k) for k in (0, steps))
-            found.append((steps / wanted.steps * (1.0 - off) * rng.uniform(0.7, 1.0), stance))
+            firmness = min(self._firmness(q, stance, wanted, k) for k in (0, steps))
+            found.append((steps / wanted.steps * firmness * rng.uniform(0.7, 1.0), stance))
         found.sort(key=lambda own: -own[0])
         return [stance for _, stance in found]
 
-    def _picked(self, pool: list[tuple[bool, Touch]], rng: np.random.Generator) -> tuple[bool, Touch]:
-        """One of the touches of a finger, rather one that follows far."""
+    def _picked(
+        self, pool: list[tuple[bool, Touch]], keeps: bool, rng: np.random.Generator
+    ) -> tuple[bool, Touch]:
+        """One of the touches of a finger, rather one that follows far; with `keeps`, one that it has."""
+        pool = [each for each in pool if keeps and each[0]] or pool
         far = np.array([touch.steps for _, touch in pool], float) ** 2
         return pool[int(rng.choice(len(pool), p=far / far.sum()))]
 
-    def _off(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> float:
-        """What is out of balance after so many steps, in parts of how hard fingers press."""
+    def _firmness(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> float:
+        """How well fingers lead the object after so many steps, 1 at best: less by what is out of balance, in
+        parts of its load, and where they leave it other motions."""
         place = self._placed(q, stance, wanted, step)
         pairs = [touch.pair for touch in stance.touches.values()]
-        return held(self.hand, place, pairs, 1.0, wanted.change).off
+        press = loaded(self.hand, place) or 1.0
+        off = held(self.hand, place, pairs, press, wanted.change).off
+        return 1.0 - off - (0.0 if is_led(self.hand, place, pairs, wanted.change) else LOOSE)
 
     def _placed(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> Reals:
         """The place (n_q,) of object and fingers after so many steps."""

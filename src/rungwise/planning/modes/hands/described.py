@@ -21,7 +21,10 @@ def without_links(task: Task, hand: Hand, taken: Taken) -> Taken:
     """What is known of robots that are no part of a hand."""
     names = task.scene.template.bodies
     own = {names[body] for finger in hand.fingers for body in finger.bodies}
-    return taken._replace(others={name: why for name, why in taken.others.items() if name not in own})
+    return taken._replace(
+        fingers=tuple(finger for finger in taken.fingers if finger.name not in own),
+        others={name: why for name, why in taken.others.items() if name not in own},
+    )
 
 
 def described(task: Task, hand: Hand) -> list[str]:

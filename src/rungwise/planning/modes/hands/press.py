@@ -20,7 +20,9 @@ STRONGEST = 0.6
 SUPPORTS = 0.02
 """Gap, in parts of the size, within which something supports the object."""
 SLIDES = 0.05
-"""Part of the object's motion from which on it slides over what supports it."""
+"""Part of the object's motion from which on it slides over what supports it, or leaves it."""
+LEAST_LED = 0.03
+"""Least over greatest rate of contacts, over all motions of an object, from which on they leave it none."""
 CARRIED, LIGHT = 0.3, 1e-6
 """What may be out of balance of a load that is carried, in parts of it; and loads that count as none, over
 the force of fingers."""
@@ -63,10 +65,25 @@ def held(hand: Hand, q: Reals, pairs: list[int], press: float, change: Reals | N
 def rests(hand: Hand, q: Reals, pairs: list[int], press: float) -> bool:
     """Whether the object stays at a place (n_q,) with no other fingers than these contacts: nothing loads it,
     or its load is balanced."""
-    load = float(np.linalg.norm(hand.around.loads(q)[hand.columns] / _units(hand)))
+    load = loaded(hand, q)
     if load < LIGHT * press:
         return True
     return held(hand, q, pairs, load).off < CARRIED if pairs else _lies(hand, q, load)
+
+
+def loaded(hand: Hand, q: Reals) -> float:
+    """The load of the object at a place (n_q,), as a force at its size."""
+    return float(np.linalg.norm(hand.around.loads(q)[hand.columns] / _units(hand)))
+
+
+def is_led(hand: Hand, q: Reals, pairs: list[int], change: Reals) -> bool:
+    """Whether contacts of fingers that stick, and supports, leave the object no other motion at a place
+    (n_q,) as it changes (n_v,)."""
+    rows = [hand.around.near(q, pair).rows[:, hand.columns] for pair in pairs]
+    for support in _carrying(hand, q, change):
+        rows.append(support.rows[: None if support.slides is None else 1, hand.columns])
+    singular = np.linalg.svd(np.vstack(rows) / _units(hand), compute_uv=False)
+    return len(singular) == len(hand.columns) and bool(singular[-1] > LEAST_LED * singular[0])
 
 
 def _lies(hand: Hand, q: Reals, load: float) -> bool:
@@ -78,21 +95,41 @@ def _lies(hand: Hand, q: Reals, load: float) -> bool:
     return bool(off < CARRIED * load)
 
 
-def _supports(hand: Hand, q: Reals, change: Reals | None) -> Reals:
-    """Wrenches (e, n_o) on the object along the edges of the cones of what supports it; where it slides over
-    that as it changes (n_v,), friction is against it."""
-    around, units, found = hand.around, _units(hand), list[Reals]()
+class Support(NamedTuple):
+    """A contact of the object with what no finger moves: rows (d, n_v), friction, and the direction (d - 1,)
+    in which the object slides there; None where it sticks."""
+
+    rows: Reals
+    friction: float
+    slides: Reals | None
+
+
+def _carrying(hand: Hand, q: Reals, change: Reals | None) -> list[Support]:
+    """What supports an object at a place (n_q,), and goes on to as it changes (n_v,)."""
+    around, found = hand.around, list[Support]()
     touches = around.touches(q, SUPPORTS * hand.size)
     for k in np.flatnonzero(np.isin(touches.pairs, list(hand.fixed))).tolist():
         rows, friction = touches.rows[k][: around.dimension], float(touches.friction[k])
-        edges = _edges(around.dimension, friction)
-        if change is not None:
-            slip, most = rows[1:] @ change, np.linalg.norm(units * change[hand.columns])
-            speed = float(np.linalg.norm(slip))
-            if speed > SLIDES * most:
-                edges = np.array([[1.0, *(-friction / speed * slip)]])
-        found.append(edges @ rows[:, hand.columns] / units)
-    return np.vstack(found) if found else np.zeros((0, len(hand.columns)))
+        if change is None:
+            found.append(Support(rows, friction, None))
+            continue
+        way = rows @ change
+        least, speed = SLIDES * np.linalg.norm(_units(hand) * change[hand.columns]), np.linalg.norm(way[1:])
+        if way[0] <= least:
+            found.append(Support(rows, friction, way[1:] / speed if speed > least else None))
+    return found
+
+
+def _supports(hand: Hand, q: Reals, change: Reals | None) -> Reals:
+    """Wrenches (e, n_o) on the object along the edges of the cones of what supports it; where it slides over
+    that as it changes (n_v,), friction is against it."""
+    found = [np.zeros((0, len(hand.columns)))]
+    for rows, friction, slides in _carrying(hand, q, change):
+        edges = _edges(len(rows), friction)
+        if slides is not None:
+            edges = np.array([[1.0, *(-friction * slides)]])
+        found.append(edges @ rows[:, hand.columns] / _units(hand))
+    return np.vstack(found)
 
 
 def targets(hand: Hand, finger: Finger, q: Reals, pair: int, force: Reals) -> Reals:
