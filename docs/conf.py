@@ -82,8 +82,22 @@ def displayed_formula(translator: HTML5Translator, node: nodes.Element) -> None:
     raise nodes.SkipNode
 
 
+def wrap_sentences(*arguments: Any) -> None:
+    """Blocks whose long lines are sentences or commands are wrapped; source code and tables are not."""
+    page: nodes.document = arguments[1]
+    for block in page.findall(nodes.literal_block):
+        if block.get("language") not in ("python", "yaml") and not has_columns(block.astext()):
+            block["classes"].append("wraps")
+
+
+def has_columns(text: str) -> bool:
+    """Whether spaces in lines of a text put words below each other."""
+    return any(re.search(r"\S {2,}\S", line) for line in text.splitlines())
+
+
 def setup(app: Sphinx) -> None:
     """Docstrings are changed before napoleon reads them."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (displayed_formula, None))
     app.connect("autodoc-process-docstring", plain, priority=100)
     app.connect("source-read", inside)
+    app.connect("doctree-resolved", wrap_sentences)

@@ -12,6 +12,7 @@ star, where both fingers touch. Prints how much of each plane each set takes, an
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -82,17 +83,30 @@ def draw(path: Path, planes: Sequence[np.ndarray]) -> None:
         _panel(axis, height, labels)
     axes[0].set_ylabel("$x_3$ of the part [m]", fontsize=11)
     handles: list[Patch | Line2D] = [
-        Patch(fc=color, ec="#888888", label=name) for color, name in zip(COLORS, NAMES, strict=True)
+        Patch(fc=color, ec="#888888", label=in_italics(name))
+        for color, name in zip(COLORS, NAMES, strict=True)
     ]
     handles.append(
         Line2D(
-            [], [], ls="", marker="*", ms=12, mfc="white", mec="black", label="goal: Z_G, both fingers touch"
+            [],
+            [],
+            ls="",
+            marker="*",
+            ms=12,
+            mfc="white",
+            mec="black",
+            label="goal: $Z_G$, both fingers touch",
         )
     )
     handles.append(Line2D([], [], color="black", ls="--", label="the scene's rule: doomed beyond"))
     drawing.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=11, frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     drawing.savefig(path)
+
+
+def in_italics(name: str) -> str:
+    """Symbols as they are written in the panels."""
+    return re.sub(r"Z_(\w)", r"$Z_\1$", name)
 
 
 def _panel(axis: Any, height: float, labels: np.ndarray) -> None:

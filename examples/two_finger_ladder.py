@@ -116,7 +116,7 @@ def draw(scene: rw.Scene, path: Path, fan: Sequence[float] = FAN) -> None:
     """The scene, and for each rung x3 over the fingers' mean travel, in which the goal edge is upright."""
     from matplotlib.figure import Figure
 
-    picture = Figure(figsize=(12.5, 5.8), dpi=130, layout="constrained")
+    picture = Figure(figsize=(11.0, 5.8), dpi=150, layout="constrained")
     grid = picture.add_gridspec(2, 4, width_ratios=(1.05, 1, 1, 1))
     sketch(picture.add_subplot(grid[:, 0]))
     ratios = sorted({*fan, *(1.0 / r for r in fan), 1.0})
@@ -130,7 +130,7 @@ def draw(scene: rw.Scene, path: Path, fan: Sequence[float] = FAN) -> None:
         if index % 3 == 0:
             axes.set_ylabel("part  $x_3$")
         if index >= 3:
-            axes.set_xlabel("mean travel of the fingers  $(x_1 + x_2)/2$")
+            axes.set_xlabel("mean travel  $(x_1 + x_2)/2$")
     path.parent.mkdir(parents=True, exist_ok=True)
     picture.savefig(path)
 
@@ -170,7 +170,7 @@ def panel(
     axes.spines[["top", "right"]].set_visible(False)
     within = f", r = {min(caught):.2f} to {max(caught):.2f}" if caught else ""
     axes.text(
-        0.93, 0.6, f"{len(caught)} of {len(ratios)} caught{within}", fontsize=9, va="center", color="0.25"
+        0.92, 0.6, f"{len(caught)} of {len(ratios)} caught{within}", fontsize=9, va="center", color="0.25"
     )
 
 

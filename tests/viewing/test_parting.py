@@ -25,14 +25,15 @@ def words(file: Path) -> str:
 
 def test_picture_names_time_distance_and_cause(found: rw.Diagnosis, tmp_path: Path) -> None:
     text = words(rw.draw_parting(found, PUSH, tmp_path / "apart.svg", parameters=FAST))
-    assert f"t = {found.time:.4g}, the motions begin to differ: by" in text
-    assert f"the motions are farthest apart: by {found.distance:.3g}" in text
+    assert f"t = {found.time:.4g} s, the motions begin to differ: by" in text
+    assert f"the motions are farthest apart: by {found.distance:.3g} m" in text
+    assert "time [s]" in text and "distance [m]" in text
     assert "inertia: box coasted" in text and "dynamic-compliant: " in text
 
 
 def test_time_may_be_chosen_and_png_is_written(found: rw.Diagnosis, tmp_path: Path) -> None:
     text = words(rw.draw_parting(found, PUSH, tmp_path / "apart.svg", parameters=FAST, at=0.1))
-    assert "t = 0.1, chosen time, the motions differ: by" in text
+    assert "t = 0.1 s, chosen time, the motions differ: by" in text
     file = rw.draw_parting(found, PUSH, tmp_path / "new" / "apart.png", parameters=FAST)
     assert file.read_bytes().startswith(b"\x89PNG") and file.stat().st_size > 20_000
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing.plane.arrows import arrows_at, short, view_of
-from rungwise.viewing.plane.clip import Clip, clip
+from rungwise.viewing.plane.arrows import Arrows, arrows_at, draw_touches, short, view_of
+from rungwise.viewing.plane.clip import SHOWN_SLIP, Clip, clip
 from rungwise.viewing.units import common_units
 
 matplotlib = pytest.importorskip("matplotlib")
@@ -60,6 +60,26 @@ def test_arrows_lie_whole_in_the_frame_and_the_long_ones_are_broken(clips: list[
     assert broken > 0
     texts = [text.get_text() for axes in strip(clips, 6).axes for text in axes.texts]
     assert len([text for text in texts if text.endswith(" N")]) == broken
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * np.pi, 9)[:-1], ids=lambda a: f"{np.degrees(a):.0f}")
+def test_the_size_of_a_broken_arrow_is_written_beside_the_strokes_that_break_it(angle: float) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.6, 3.6), dpi=110)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(-1.0, 1.0), ylim=(-1.0, 1.0))
+    spot = np.array([[0.0, 0.0]])
+    tail = 0.5 * np.array([[np.cos(angle), np.sin(angle)]])
+    one = np.ones(1)
+    draw_touches(
+        axes, Arrows(spot, SHOWN_SLIP * one.astype(int), 6.0 * one, tail, 0.5 * one, one > 0), "N", "white"
+    )
+    (text,) = axes.texts
+    box = text.get_window_extent()
+    strokes = [line for line in axes.lines if line.get_linewidth() == 1.4]
+    assert len(strokes) == 2
+    assert not any(box.overlaps(line.get_window_extent()) for line in strokes)
 
 
 def test_texts_of_a_strip_stay_in_its_frames(clips: list[Clip]) -> None:

@@ -116,26 +116,34 @@ def draw_touches(axes: Axes, arrows: Arrows, unit: str, edge: str) -> None:
 
 def _break(axes: Axes, spot: NDArray[np.float64], tail: NDArray[np.float64], color: str) -> None:
     """Two strokes across the shaft of an arrow that is shorter than its force."""
+    for stroke in _strokes(spot, tail):
+        axes.plot(*stroke.T, color=color, lw=1.4, zorder=32)
     along = spot - tail
-    across = 0.09 * np.array([-along[1], along[0]]) + 0.03 * along
-    for part in (BREAK, BREAK + 0.06):
-        at = tail + part * along
-        axes.plot(*np.array([at - across, at + across]).T, color=color, lw=1.4, zorder=32)
     gap = np.array([tail + BREAK * along, tail + (BREAK + 0.06) * along])
     axes.plot(*gap.T, color="white", lw=2.4, zorder=31.5, solid_capstyle="butt")
 
 
+def _strokes(spot: NDArray[np.float64], tail: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ends (2, 2, 2) of the strokes that say that an arrow is broken."""
+    along = spot - tail
+    across = 0.09 * np.array([-along[1], along[0]]) + 0.03 * along
+    middles = tail + np.array([[BREAK], [BREAK + 0.06]]) * along
+    return np.stack([middles - across, middles + across], axis=1)
+
+
 def _sizes(axes: Axes, arrows: Arrows, unit: str) -> None:
-    """The sizes of forces whose arrows are broken, the largest first, beyond their ends and towards the
-    middle of the frame, where there is room."""
+    """The sizes of forces whose arrows are broken, the largest first, beyond their ends and strokes and
+    towards the middle of the frame, where there is room."""
     middle, taken = sum(axes.get_xlim()) / 2.0, np.zeros((0, 2))
     for k in np.flatnonzero(arrows.broken)[np.argsort(-arrows.size[arrows.broken], kind="stable")]:
         tail, down = arrows.tail[k], arrows.tail[k, 1] >= arrows.spot[k, 1]
         if (np.linalg.norm(taken - tail, axis=1) < 0.5 * arrows.long[k]).any():
             continue
         taken = np.vstack([taken, tail])
+        heights = np.append(_strokes(arrows.spot[k], tail)[..., 1], tail[1])
+        beyond = (tail[0], heights.max() if down else heights.min())
         axes.annotate(
-            f"{short(arrows.size[k])} {unit}".rstrip(), tuple(tail), xytext=(0.0, 3.0 if down else -3.0),
+            f"{short(arrows.size[k])} {unit}".rstrip(), beyond, xytext=(0.0, 3.0 if down else -3.0),
             textcoords="offset points", fontsize=7.5, zorder=33, ha="left" if tail[0] < middle else "right",
             va="bottom" if down else "top",
         )  # fmt: skip

@@ -108,7 +108,7 @@ def _figure(
     across, high = 2.0 * wide + 3.0 * GAP, ABOVE + words + tall + 0.5 + CURVE + 0.4 + BELOW
     figure = Figure(figsize=(across, high), dpi=110)
     figure.text(GAP / across, 1.0 - 0.8 * GAP / high, "\n".join(said), fontsize=9, va="top", color=INK)
-    body = clips[0].bodies.index(found.body)
+    body, units = clips[0].bodies.index(found.body), clips[0].units
     for k, (time, name) in enumerate(
         ((when, "the motions begin to differ"), (farthest, "the motions are farthest apart"))
     ):
@@ -119,11 +119,20 @@ def _figure(
         _magnified(axes, clips, body, time, view)
         shown = name if k or time == found.time else "chosen time, the motions differ"
         away = np.interp(time, times, apart)
-        axes.set_title(f"t = {time:.4g}, {shown}: by {away:.3g}", fontsize=10, pad=3)
+        when_said, away_said = (
+            f"{time:.4g} {units['time']}".rstrip(),
+            f"{away:.3g} {units['length']}".rstrip(),
+        )
+        axes.set_title(f"t = {when_said}, {shown}: by {away_said}", fontsize=10, pad=3)
     axes = figure.add_axes(
         (4.0 * GAP / across, (BELOW + 0.4) / high, (across - 5.0 * GAP) / across, CURVE / high)
     )
     _curve(axes, times, apart, when if found.cause != NOTHING else None)
+    for put, name, unit in (
+        (axes.set_xlabel, "time", units["time"]),
+        (axes.set_ylabel, "distance", units["length"]),
+    ):
+        put(f"{name} [{unit}]" if unit else name, fontsize=9)
     legend(figure, clips)
     return figure
 
@@ -194,7 +203,5 @@ def _curve(axes: Axes, times: NDArray[np.float64], apart: NDArray[np.float64], w
         axes.plot([when], [np.interp(when, times, apart)], "o", color=MARK, ms=6, clip_on=False, zorder=5)
     axes.set_xlim(0.0, float(times[-1]))
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("time", fontsize=9)
-    axes.set_ylabel("distance", fontsize=9)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
