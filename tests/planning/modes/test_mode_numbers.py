@@ -15,7 +15,7 @@ from rungwise.planning.modes import arm_paths, follow, guide
 from rungwise.planning.modes.balance import is_led_by
 from rungwise.planning.modes.forces.cones import PART, SLIDE, contact_edges, memory_for, ring_of
 from rungwise.planning.modes.forces.drag import stands, support_by_contacts
-from rungwise.planning.modes.forces.motions import drags, every_mode, turn
+from rungwise.planning.modes.forces.mode_motions import drags, every_mode, turn
 from rungwise.planning.modes.grips import Grip, _not_followed, touching
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.legs import Writer
