@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.planning.design.optimise import Tuner
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
 from rungwise.planning.modes.forces.mode_motions import projected, turn
+from rungwise.planning.motion.placements import Placing
 from rungwise.planning.search.problem import Work
 from rungwise.planning.squeeze import squeeze_plan
 from rungwise.planning.task.task import Task, _is_slow
-from rungwise.world.planar.evidence import _giving
+from rungwise.world.planar.evidence import _bounce, _giving
+from rungwise.world.spatial.tool import JointTool
 
 
 def stub(**members: Any) -> Any:
@@ -106,3 +113,109 @@ def moves_aside(tilt: float) -> bool:
 )
 def test_modes_turn_between(holds: Callable[[float], bool], within: float, beyond: float) -> None:
     assert holds(within) and not holds(beyond)
+
+
+class _Line:
+    """A body that moves by 1 along a line, beside one that stands, both a half thick; `spins`: its marks are
+    angles, of which a whole turn is none."""
+
+    def __init__(self, gap: Callable[[Reals], Reals], holds: Any = None, spins: bool = False) -> None:
+        self.asked, self._gap, self._holds = 0, gap, holds
+        self.room = stub(
+            pairs=np.array([[0, 1]]), thin=0.5, size=1.0, changed=lambda x, change: x + change, unit=1.0,
+            moved=lambda marks: np.column_stack([self._ways(marks, spins), np.zeros(len(marks) - 1)]),
+        )  # fmt: skip
+
+    def _ways(self, marks: Reals, spins: bool) -> Reals:
+        ways = np.diff(marks)
+        return np.abs(ways - np.round(ways) if spins else ways)
+
+    def _asked(self, _a: Reals, _b: Reals, at: Reals) -> Any:
+        self.asked += len(at)
+        unsafe = np.zeros(len(at), bool) if self._holds is None else self._holds(at)
+        lacks = np.full(len(at), np.inf if self._holds is None else 10.0)
+        return self._gap(at)[:, None], at, lacks, (self._gap(at) < 0.0) | unsafe
+
+    def is_free(self) -> bool:
+        own: Any = self
+        return Placing.is_free(own, np.zeros(1), np.ones(1))
+
+
+def test_posts_are_seen_that_are_thin_beside_the_thinnest_shape() -> None:
+    """And where bodies graze each other, looks end."""
+    for at in np.linspace(0.2, 0.8, 31).tolist():
+        assert not _Line(lambda x, at=at: np.abs(x - at) - 5e-4).is_free()
+    grazing = _Line(lambda x: np.full(len(x), 1e-6))
+    assert grazing.is_free() and grazing.asked < 5000
+
+
+def test_what_is_unsafe_is_seen_where_it_is_a_tenth_as_wide_as_the_thinnest_shape() -> None:
+    for at in np.linspace(0.2, 0.8, 31).tolist():
+        own = _Line(lambda x: np.full(len(x), 9.0), lambda x, at=at: np.abs(x - at) < 0.03)
+        assert not own.is_free()
+    safe = _Line(lambda x: np.full(len(x), 9.0), lambda x: np.zeros(len(x), bool))
+    assert safe.is_free() and safe.asked < 100
+
+
+def test_a_whole_turn_is_a_way() -> None:
+    assert not _Line(lambda x: np.abs(x - 0.4) - 0.1, spins=True).is_free()
+
+
+def test_steps_to_the_bounds_of_a_goal_come_there() -> None:
+    """In spite of rounding: |x - a| - b is not 0 at a + b."""
+    middles, bounds = np.random.default_rng(0).uniform(0.5, 3.0, (2, 300))
+
+    def lacks(x: Reals, _apart: bool) -> Reals:
+        a, b = (np.tile(each, len(x) // len(each))[:, None] for each in (middles, bounds))
+        return np.maximum(np.abs(x - a) - b, 0.0)
+
+    own: Any = stub(
+        _slopes=lambda x, lack, _apart: (lack > 0.0)[:, :, None] * np.ones((len(x), 1, 1)), _lacks=lacks,
+        _stopped=lambda x, _step: np.zeros(x.shape, bool), _within=lambda x: x,
+        room=stub(changed=lambda x, change: x + change, unit=1.0),
+    )  # fmt: skip
+    x = (middles + bounds)[:, None] + 0.7
+    lack = lacks(x, False)
+    for _ in range(4):
+        x, lack = Placing._stepped(own, x, lack, False)
+    assert not lack.any()
+
+
+@pytest.mark.parametrize(("off", "fits"), [(0.1, True), (0.6, False)])
+def test_a_tool_keeps_its_clearance_nearly(off: float, fits: bool) -> None:
+    """From above or below."""
+    away = np.array([0.0, 0.0, 1.0])
+    for clearance, sign in ((0.01, 1.0), (2.0, -1.0)):
+        gap = clearance * (1.0 + sign * off)
+        own: Any = stub(
+            led=lambda q, _aim: q, _far=lambda _target: 0.0, _place=lambda _q: None,
+            _nearest=lambda _target, gap=gap: (gap, away, np.zeros(3)), _middle=lambda: np.zeros(3),
+            _slope=lambda _at: np.eye(3), _step=lambda *_: False, carrier=stub(clearance=clearance, lean=0.1),
+        )  # fmt: skip
+        assert (JointTool.beside(own, np.zeros(3), 0, np.zeros(3), away) is not None) == fits
+
+
+@pytest.mark.parametrize(("near", "bounced"), [(3e-4, True), (4e-3, False)])
+def test_bodies_bounce_off_each_other_where_they_met(near: float, bounced: bool) -> None:
+    """Two that come to a gap of such a part of the size, and part again."""
+    for size in (0.1, 3.0):
+        gap = size * (near + np.abs(np.arange(-3.0, 4.0)))[:, None]
+        data = xr.Dataset({"gap": (("time", "contact"), gap)}, coords={"contact": ["a|b"]})
+        motion = stub(data=data, times=np.arange(7.0))
+        parting: Any = stub(motions=(motion, motion), size=size, time=9.0)
+        assert bool(_bounce(parting)) == bounced
+
+
+@pytest.mark.parametrize("count", [20, 200])
+def test_the_margin_of_designs_is_that_of_a_tenth_of_the_samples(count: int) -> None:
+    """Neither that of the worst one, which is chance, nor of a middle one."""
+    margins = np.random.default_rng(0).permutation(np.arange(float(count)))
+    found = stub(outcome=np.full(count, Code.GOAL), margin=margins)
+    own: Any = stub(
+        quantiles=None, _worlds=lambda _design, _quantiles: np.zeros((count, 1)), count=0,
+        outcomes=Counter[str](), on_progress=None, time=stub(deadline=None, look=None),
+        _batch=stub(run=lambda *_, **__: found),
+    )  # fmt: skip
+    rates, least = Tuner.tried(own, np.zeros((1, 1)))
+    assert rates.tolist() == [1.0]
+    assert max(1, 0.02 * count) <= least[0] + 1 <= 0.3 * count

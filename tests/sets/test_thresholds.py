@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.scene.scene import LIBRARY
 from rungwise.sets.cells import crossings
+from rungwise.sets.doomed.cell_mapping import Images
 from rungwise.sets.motions import motions
 from rungwise.sets.request import box_of
 
@@ -58,3 +60,17 @@ def test_a_range_of_more_than_a_hundred_times_its_default_is_searched_up_to_twic
     fields = yaml.safe_load((LIBRARY / "two_finger.yaml").read_text("utf-8"))
     fields["parameters"]["v1"] |= {"default": 2.0 / times, "range": [0.0, 2.0]}
     assert box_of(rw.load(fields), ("v1",)).tolist() == [[0.0, pytest.approx(end)]]
+
+
+@pytest.mark.parametrize(("beyond", "cells"), [(3e-10, 1), (3e-9, 2)])
+def test_images_enter_the_next_cell_beyond_rounding_of_a_cell(beyond: float, cells: int) -> None:
+    """Whatever the size of cells, and on either side."""
+    for unit in (0.01, 30.0):
+        for sign in (1.0, -1.0):
+            about = np.full((8, 1), unit * sign * (2.0 + beyond))
+            own: Any = SimpleNamespace(
+                _box=np.array([[0.0, 8.0 * unit]]), _shape=(8,), _unit=np.array([unit]),
+                _travel=np.array([[-np.inf, np.inf]]), _about=lambda _, about=about, **__: about,
+            )  # fmt: skip
+            first, last, _ = Images._image(own, np.zeros(0))
+            assert (last - first)[3] + 1 == cells

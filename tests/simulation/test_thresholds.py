@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import unwrap
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,12 +15,14 @@ from rungwise.simulation.core.crawl import Crawl
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.planar.step import error_control
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial import begin
 from rungwise.simulation.spatial.replay import _between
 from rungwise.system.planar.contact_manifold import are_parallel
-from rungwise.system.spatial.noise import Noise
+from rungwise.system.spatial.missed_contacts import Nearest
+from rungwise.system.spatial.noise import Noise, _jump
 from rungwise.system.spatial.rims import straighten
 from tests.simulation.core.test_particle import Particle
 
@@ -128,3 +131,73 @@ def discs(overlap: float) -> dict[str, Any]:
 @pytest.mark.parametrize(("overlap", "begins"), [(2e-10, True), (2e-8, False)])
 def test_a_start_may_overlap_by_rounding(overlap: float, begins: bool) -> None:
     assert (rw.simulate(discs(overlap), "dynamic-rigid").outcome.name != "invalid") == begins
+
+
+class _Contacts:
+    """Contacts of MuJoCo's data, here of two geoms at three places of their faces, as deep as -0.1."""
+
+    def __init__(self) -> None:
+        normal = np.array([0.0, 0.0, 1.0])
+        self.own = [
+            SimpleNamespace(geom=np.array([0, 1]), frame=normal, pos=None, dist=-0.1) for _ in range(3)
+        ]
+        self.geom = np.array([[0, 1]] * 3)
+        self.dist, self.exclude = np.full(3, -0.1), np.zeros(3, np.int64)
+
+    def __getitem__(self, k: int) -> Any:
+        return self.own[k]
+
+
+@pytest.mark.parametrize(("degrees", "beside"), [(15.0, True), (45.0, False)])
+def test_contacts_of_faces_stay_beside_nearest_points_whose_normals_are_alike(
+    degrees: float, beside: bool
+) -> None:
+    contacts, angle = _Contacts(), np.deg2rad(degrees)
+    data: Any = SimpleNamespace(contact=contacts, ncon=3)
+
+    def add(_model: Any, data: Any, contact: Any) -> None:
+        contacts.own.append(SimpleNamespace(**vars(contact)))
+        data.ncon += 1
+
+    own: Any = SimpleNamespace(
+        model=None, sizes=np.ones(2), _mujoco=SimpleNamespace(mj_addContact=add)
+    )  # fmt: skip
+    frame = np.array([np.sin(angle), 0.0, np.cos(angle)])
+    Nearest._mend(own, 0, {(0, 1): (-0.3, np.zeros(3), frame)}, data)
+    assert data.ncon == (4 if beside else 3) and contacts.exclude.any() == (not beside)
+    assert min(each.dist for each in contacts.own) == -0.3
+
+
+@pytest.mark.parametrize(("bend", "told"), [(2.0, 0.0), (10.0, 1.0)])
+def test_gaps_that_change_as_curved_bodies_turn_are_no_noise(bend: float, told: float) -> None:
+    """By twice the square of the way over the size; not by ten times as much."""
+    h, speed = 1e-2, 0.3
+    for size in (0.1, 2.0):
+        kept: Any = SimpleNamespace(geoms=np.array([[0, 1]]), world=np.zeros((1, 10)))
+        way = h * speed * size
+        terms: Any = SimpleNamespace(
+            contact_stiffness=np.zeros((1, 2, 2)), rows=np.array([[1.0]]),
+            gap=np.array([h * 0.2 * size - bend * way * way / size]),
+        )  # fmt: skip
+        kept.world[0, 9] = 0.0
+        slots, sizes = np.zeros(1, np.int64), np.array([size, 3.0 * size])
+        jump, _ = unwrap(_jump)(h, way, slots, kept, sizes, terms, np.array([0.2 * size]))
+        assert (jump > 0.0) == bool(told)
+
+
+def test_a_step_to_a_contact_ends_a_little_short_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By far more than rounding, and by far less than errors that are allowed."""
+    for name, value in (("widen", None), ("gather", 1), ("fastest_pair", 0.0)):
+        monkeypatch.setattr(error_control, name, lambda *_, value=value: value)
+    for gap, rate in ((0.2, -10.0), (3e-6, -1e-4)):
+        clock = SimpleNamespace(meets=-1)
+        state = SimpleNamespace(
+            v=np.array([rate]), speed=np.zeros(1), prescribed=np.zeros(1, bool), modes=np.zeros(1),
+            clock=[clock],
+        )  # fmt: skip
+        terms = SimpleNamespace(rows=np.ones((2, 1)), gap=np.array([gap]), rounding=np.zeros(1))
+        scratch = SimpleNamespace(slots=np.zeros(1, np.int64))
+        workspace: Any = SimpleNamespace(state=state, terms=terms, scratch=scratch)
+        rung = [SimpleNamespace(compliant=False, inertia=1.0)]
+        h, _ = unwrap(error_control.until_contact)(None, rung, workspace, 1.0, 0.0, 0.0, 1e-3, 1.0)
+        assert 1e-10 < (gap + rate * h) / gap < 1e-8
