@@ -137,8 +137,8 @@ def _restitution(told: Told) -> str:
     n = told.numbers
     met = f"met at {n['met']:.3g} and " if "met" in n else ""
     return (
-        f"bodies bounced after an impact {told.on[n['run']]}: {n['contact']} {met}parted at {n['left']:.3g}"
-        f" at t = {n['time']:.4g}"
+        f"bodies bounced after an impact {told.on[n['run']]}: {n['contact']} {met}separated at"
+        f" {n['left']:.3g} at t = {n['time']:.4g}"
     )
 
 
