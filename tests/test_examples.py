@@ -34,6 +34,21 @@ def script(path: str, monkeypatch: Patch) -> ModuleType:
     return module
 
 
+@pytest.fixture(autouse=True)
+def whole_words(monkeypatch: Patch) -> None:
+    """No figure that is saved here is cut off at its edge."""
+    figure = pytest.importorskip("matplotlib.figure").Figure
+    save = figure.savefig
+
+    def checked(self: Any, *given: Any, **options: Any) -> None:
+        save(self, *given, **options)
+        drawn, (width, height) = self.get_tightbbox(), self.get_size_inches()
+        slack = 0.06  # inches of empty room around legends
+        assert min(drawn.x0, drawn.y0) > -slack and max(drawn.x1 - width, drawn.y1 - height) < slack
+
+    monkeypatch.setattr(figure, "savefig", checked)
+
+
 def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
     tmp_path: Path, monkeypatch: Patch, capsys: Printed
 ) -> None:

@@ -341,6 +341,21 @@ def test_the_live_page_shows_the_moment_and_is_local(films: list[Film]) -> None:
             assert np.allclose(nodes[2].wxyz, film.turns[7, 2])
 
 
+@pytest.mark.parametrize(
+    ("most", "prefix"),
+    [(0.0, ""), (4.5e-4, "µ"), (2e-3, "m"), (0.25, "m"), (3.0, ""), (999.0, ""), (4e4, "k")],
+)
+def test_curves_of_the_live_page_have_a_unit_in_which_their_ticks_differ(
+    films: list[Film], most: float, prefix: str
+) -> None:
+    shape = films[0].gaps.shape if films[0].gaps is not None else (len(films[0].time), 1)
+    own = replace(films[0], gaps=np.full(shape, most))
+    with open_live([own]) as live:
+        chart, curves = live._charts[0] or (None, np.zeros(0))
+        assert chart.title == f"least gap [{prefix}m]"
+        assert most == 0.0 or 1.0 <= curves.max() < 1000.0
+
+
 def test_a_missing_viser_is_named(films: list[Film], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(FilmError, match=r"pip install 'rungwise\[watch\]'"):

@@ -29,6 +29,8 @@ ARROW = 0.38
 """Length of a usual force, as a part of half the diagonal of all that is seen."""
 SPEEDS = ("0.02", "0.05", "0.1", "0.25", "0.5", "1", "2", "4")
 """Of the film, over real time."""
+PREFIXES = {1e-9: "n", 1e-6: "µ", 1e-3: "m", 1.0: "", 1e3: "k"}
+"""Of units: the curves' ticks have three digits after the point."""
 LONGEST = 2.0
 """An arrow is no longer than so many usual ones."""
 SAME = 0.004
@@ -211,8 +213,10 @@ class Live:
         pairs = curves_of(self.films)
         if getattr(film, kind) is None or not pairs:
             return None
-        what = {"gaps": "least gap", "pushes": "normal force"}[kind]
+        what, unit = {"gaps": ("least gap", "length"), "pushes": ("normal force", "force")}[kind]
         curves = np.array([curve_of(film, kind, pair) for pair in pairs])
+        prefix, size = _prefix(float(np.nanmax(np.abs(curves), initial=0.0)))
+        curves = curves / size
         data = (film.time, *curves, np.full(len(film.time), np.nan))
         low, high = min(0.0, float(np.nanmin(curves))), max(0.0, float(np.nanmax(curves)))
         margin = 0.06 * (high - low) or 1.0
@@ -226,7 +230,7 @@ class Live:
         chart = self.server.gui.add_uplot(
             data,
             tuple(series),
-            title=what,
+            title=f"{what} [{prefix}{film.units.get(unit, '')}]",
             scales={"x": {"time": False}, "y": {"range": (low - margin, high + margin)}},
             aspect=1.6,
         )
@@ -253,6 +257,12 @@ class Live:
             if now - marked > 1.0 / CURVES_PER_SECOND:
                 marked = now
                 self._mark()
+
+
+def _prefix(most: float) -> tuple[str, float]:
+    """The prefix of a unit in which the largest value is 1 to 1000, where there is one, and its size."""
+    size = max((size for size in PREFIXES if size <= most), default=1.0)
+    return PREFIXES[size], size
 
 
 def _nearest(film: Film, moment: float) -> int:
