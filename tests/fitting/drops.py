@@ -11,7 +11,9 @@ import numpy as np
 import rungwise as rw
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from fit_coverage import CASES as CASES
 from fit_coverage import DROP, PLACE, RATE, SPEED, TURN, falling
+from fit_coverage import pushes as pushes
 
 SCENE: dict[str, Any] = DROP | {
     "name": "square_drop",

@@ -11,7 +11,7 @@ import pytest
 
 import rungwise as rw
 
-from .drops import SCENE, drops
+from .drops import CASES, SCENE, drops
 
 
 def longer(scene: dict[str, Any]) -> None:
@@ -67,6 +67,18 @@ def test_motions_without_velocities_are_explained(seed: int, span: float | None)
     mu, e = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.1, 0.7))
     motions = drops(8, 25, seed=seed, mu=mu, e=e, rates=False)
     found = rw.fit(SCENE, "dynamic-rigid", motions, ("mu", "e"), span=span, threads=1)
+    assert not found.outside
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 7, 56, 72, 83, 86])
+def test_motions_whose_contacts_yield_for_some_frames_are_explained(seed: int) -> None:
+    """Spans that begin within an impact lose how far contacts have yielded: no evidence against a rung."""
+    case, rng = CASES["compliant impacts"], np.random.default_rng(seed)
+    true = {name: float(rng.uniform(*ends)) for name, ends in case.drawn.items()}
+    found = rw.fit(
+        case.scene, case.model, case.make(case, true, 20, rng), case.over, seed=seed, threads=1
+    )  # fmt: skip
     assert not found.outside
 
 

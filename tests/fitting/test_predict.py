@@ -44,7 +44,7 @@ def test_points_that_are_asked_for_again_take_no_run(monkeypatch: pytest.MonkeyP
     assert np.array_equal(one(points[[2, 0]]).errors[1], first.errors[0])
     assert int(one.made[0]) == made + 5 * len(one.spans.trial)
     assert np.array_equal(predictor("mu", "e")(points[:1]).errors[0], first.errors[0])
-    assert not np.array_equal(one.finer(1e-8)(points[:1]).errors[0], first.errors[0])
+    assert not np.array_equal(one.at_tol(1e-8)(points[:1]).errors[0], first.errors[0])
 
 
 @pytest.mark.parametrize(("over", "known"), [(("mu", "height"), False), (("mu", "e"), True)])

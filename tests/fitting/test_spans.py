@@ -12,6 +12,7 @@ import rungwise as rw
 from rungwise.fitting.found import Alike
 from rungwise.fitting.measured.touching import touches, touching
 from rungwise.fitting.prepare import Options, Prepared, prepare
+from rungwise.fitting.unlike import begins_clear
 
 from .drops import NAMES, SCENE, drops
 
@@ -32,9 +33,25 @@ def test_spans_begin_where_nothing_touches(seed: int) -> None:
     spans, closed = one.spans(), touching(one.scene, one.layout, {})
     starts = np.round(spans.first / 0.004).astype(int)
     for trial, start in zip(spans.trial, starts, strict=True):
-        before = slice(max(start - 3, 0), start)
-        assert not closed[trial][start] or closed[trial][before].all()
+        near = slice(max(start - 3, 0), start + 4)
+        assert not closed[trial][start] or closed[trial][near].all()
     assert (np.diff(spans.first)[np.diff(spans.trial) == 0] > 0.0).all()
+
+
+@pytest.mark.parametrize("stiffness", [5e4, 2e5])
+def test_spans_contain_impacts_that_last_a_few_frames_as_a_whole(stiffness: float) -> None:
+    """How far contacts have yielded was not measured: runs that begin there lose it."""
+    contact = YIELDING["contacts"][0] | {"stiffness": stiffness}
+    motions = drops(
+        12, 24, scene=YIELDING | {"contacts": [contact]}, rung="dynamic-compliant", tol=1e-6, C=60.0
+    )
+    one = prepared(motions, rung=rw.DYNAMIC_COMPLIANT)
+    spans, closed = one.spans(), touching(one.scene, one.layout, {})
+    starts = np.round(spans.first / 0.004).astype(int)
+    within = np.array([closed[trial][start] for trial, start in zip(spans.trial, starts, strict=True)])
+    assert within.mean() < 0.04 and len(within) >= 3 * 12
+    clear = begins_clear(one.layout, closed, spans, yields=True)
+    assert np.array_equal(clear, ~within) and begins_clear(one.layout, closed, spans).all()
 
 
 def test_a_trial_that_begins_with_an_impact_is_not_begun_after_it() -> None:

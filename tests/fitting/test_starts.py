@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,10 +10,7 @@ from rungwise.deadline import NEVER
 from rungwise.fitting.predict import Predictor
 from rungwise.fitting.prepare import Options, prepare
 
-from .drops import SCENE, drops
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from fit_coverage import CASES, PLACE, TURN, pushes
+from .drops import CASES, PLACE, SCENE, TURN, drops, pushes
 
 SUPPORT = CASES["support"]
 TRUE = {"mu": 0.3, "c": 0.03, "centre": 0.0}

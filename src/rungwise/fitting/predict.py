@@ -94,8 +94,8 @@ class Predictor:
         vars(found).update(vars(self) | own)
         return found
 
-    def finer(self, tol: float) -> Predictor:
-        """The same with less error per step."""
+    def at_tol(self, tol: float) -> Predictor:
+        """The same with this error allowed per step."""
         found = self.on(self.spans)
         found.tol = tol
         return found

@@ -38,6 +38,8 @@ from rungwise.kernel import Ints, Reals
 FEW, MANY, MOST = 60, 120, 500
 """Spans on which the whole box is sampled, on which least squares works, and from which values and intervals
 come in the end, at most."""
+ROUGHLY = 10.0
+"""Times the error allowed per step with which the box is sampled."""
 WEIGHED = 3
 """Times that starts' sensitivities are found anew, at the values found with those before."""
 STEPS = 2
@@ -119,8 +121,10 @@ class Search:
         self._rows, self._parts = told.rows, {}
 
     def _sample(self) -> None:
-        """Sample the box on few spans, and descend from the best samples that are apart."""
+        """Sample the box on few spans, by rough runs, and descend from the best samples that are apart."""
         few, box = self._part(FEW), self._box
+        if self._prepared.options.tol is None and few.tol is not None:
+            few = few.at_tol(ROUGHLY * few.tol)
         defaults = self._prepared.scene.parameters()
         start = box.unit(np.array([defaults[name] for name in box.names]))
         places = samples(box, self._seed, start)
@@ -192,7 +196,7 @@ class Search:
         if self._prepared.options.tol is not None or tol is None or tol < self._prepared.finest:
             return False
         many, point = self._part(MANY), self._box.values(self._state.best.unit)
-        fine = weights.whitened(many.finer(FINER * tol)(point[None]).errors)[0]
+        fine = weights.whitened(many.at_tol(FINER * tol)(point[None]).errors)[0]
         slope, first, second = derivatives(many, self._box, weights, best)
         change = by_trial(many.spans.trial, bend(slope, fine, weights.free)[0] - first)
         total = second.sum(axis=0)
@@ -200,7 +204,7 @@ class Search:
         far = np.abs(moved.sum(axis=0)) > COARSE * deviations(total)
         if not (far & (np.abs(moved.sum(axis=0)) > ALL * np.linalg.norm(moved, axis=0))).any():
             return False
-        self._whole, self._parts = self._whole.finer(FINER * tol), {}
+        self._whole, self._parts = self._whole.at_tol(FINER * tol), {}
         return True
 
     def _others(self) -> None:
@@ -305,8 +309,8 @@ class Search:
 
     def _unlike(self) -> Unlike | None:
         """The test of the errors against those that the rung makes itself, in whole trials, and in spans
-        where velocities were measured: those by regression beside an impact are off by more than noise. Runs
-        without inertia do not read them."""
+        where velocities were measured: those by regression beside an impact are off by more than noise, as is
+        how far contacts yield that do. Runs without inertia do not read them."""
         prepared, box, k = self._prepared, self._box, len(self._box.names)
         unit, covariance = np.zeros(0), np.zeros((0, 0))
         if self._state is not None:
@@ -323,7 +327,8 @@ class Search:
         if (measured or not fast) and len(self._whole.spans.trial) > len(lengths_of["whole trials"].trial):
             lengths_of["spans"] = self._whole.spans
         for name, spans in lengths_of.items():
-            clear = np.flatnonzero(begins_clear(self._layout, closed, spans) | (not fast))
+            yields = fast and prepared.rung.compliant
+            clear = np.flatnonzero(begins_clear(self._layout, closed, spans, yields) | (not fast))
             rows = np.random.default_rng(self._seed).permutation(clear)[:SPANS]
             if len(rows):
                 lengths.append((name, self._whole.on(spans.take(np.sort(rows)))))

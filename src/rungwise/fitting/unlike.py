@@ -76,9 +76,12 @@ class _Means(NamedTuple):
         return self._replace(values=np.concatenate([self.values, more.values[1:]]))
 
 
-def begins_clear(layout: Layout, closed: Sequence[NDArray[np.bool_]], spans: Spans) -> NDArray[np.bool_]:
+def begins_clear(
+    layout: Layout, closed: Sequence[NDArray[np.bool_]], spans: Spans, yields: bool = False
+) -> NDArray[np.bool_]:  # fmt: skip
     """Whether the velocity at the start of each span (s,) was measured, or is one by regression over frames
-    of which none is near a contact; closed: the frames of each trial at which bodies touch."""
+    of which none is near a contact; and where contacts yield, whether none is closed there: how far it has
+    yielded was not measured. closed: the frames of each trial at which bodies touch."""
     usual = np.median(spans.start, axis=0)
     found = np.array((spans.start <= BENT * usual).all(axis=1), np.bool_)
     for i, number in enumerate(spans.trial.tolist()):
@@ -86,6 +89,7 @@ def begins_clear(layout: Layout, closed: Sequence[NDArray[np.bool_]], spans: Spa
         first = int(np.searchsorted(frames.times, spans.first[i]))
         touched = bool(closed[number][first : first + WINDOW].any())
         found[i] = frames.trial.v is not None or (found[i] and not touched)
+        found[i] &= not (yields and closed[number][first])
     return found
 
 
@@ -132,7 +136,7 @@ class _Length:
         self._observed = predictor(point[None]).errors[0]
         self._coarse = np.zeros_like(self._observed)
         if predictor.tol is not None:
-            finer = predictor.finer(0.1 * predictor.tol)
+            finer = predictor.at_tol(0.1 * predictor.tol)
             self._coarse = finer(point[None]).errors[0] - self._observed
 
     def means(self, points: Reals, scale: Reals, rng: np.random.Generator) -> _Means:

@@ -77,6 +77,8 @@ def by_sensitivity(
     spans = predictor.spans
     s, (g, e) = len(spans.trial), (spans.counts.shape[1], len(layout.sigma))
     uncertain = np.flatnonzero(layout.start > 0.0)
+    if predictor.model.inertia == 0.0:
+        uncertain = uncertain[uncertain < spans.q.shape[1]]  # runs without inertia do not read velocities
     shifts = np.zeros((2 * len(uncertain), s, len(layout.start)))
     for j, column in enumerate(uncertain):
         shifts[2 * j, :, column] = spans.start[:, column]

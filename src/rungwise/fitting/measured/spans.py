@@ -124,7 +124,7 @@ def _of_trial(
         if start < 0:
             break
         end = int(np.searchsorted(frames.times, frames.times[start] + length * (1.0 + 1e-9), "right")) - 1
-        end = min(max(end, start + 1), last)
+        end = _end(frames.times, usable, clear, start, min(max(end, start + 1), last), length)
         if end <= start:
             break
         steps = min(most, end - start)
@@ -133,6 +133,16 @@ def _of_trial(
             found.append(_Span(number, start, rows))
         at, before = max(end, at + 1), start
     return found
+
+
+def _end(
+    times: Reals, usable: Ints, clear: NDArray[np.bool_], start: int, end: int, length: float
+) -> int:  # fmt: skip
+    """The frame at which a span ends, or where the next one could not begin clear of contacts, one less than
+    half a length later at which it can: it contains an impact as a whole."""
+    free = usable[(usable > start) & clear[usable]]
+    free = free[np.abs(times[free] - times[end]) < 0.5 * length]
+    return end if (free <= end).any() or not len(free) else int(free[0])
 
 
 def _start(
