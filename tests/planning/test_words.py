@@ -23,7 +23,7 @@ SAID = {
     "support": "friction with the support of box differs: ",
     "compliance": r"bodies sank into each other on dynamic-compliant: rod\|box by \d.*cannot on quasistatic",
     "inertia": r"box (coasted \d.* on its momentum|had momentum).* \(kinetic energy at most \d",
-    "restitution": r"bodies bounced after an impact in the second: rod\|box (met at \d.* and )?separated at \d",
+    "restitution": r"bounced after an impact in the second: rod\|box (met at \d.* and )?separated at \d",
 }
 
 
