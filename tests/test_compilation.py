@@ -337,7 +337,31 @@ def test_the_command_line_raises_an_interrupt_when_the_kernel_is_loaded(run: Run
 def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> None:
     hurry = "import rungwise.compilation.progress as p\np.compiling._next = p.SHORT_S = 1e-9\n"
     _, err = start(hurry + USE).communicate(timeout=120)
-    assert err.startswith("rungwise: compiling kernels, once (")
+    assert err.startswith(
+        "rungwise: compiling kernels, once (for about a minute, which counts towards no limit)"
+    )
+
+
+LIMITED = """
+import pickle, threading, time
+from rungwise.compilation.progress import compiling
+from rungwise.deadline import Deadline
+begun, rung = Deadline(0.1), []
+halted = begun.running().__enter__().halt
+compiling.begin()
+time.sleep(0.4)
+print(begun.is_over, halted[0], round(begun.seconds, 1))
+sent = pickle.dumps(begun)
+compiling.end()
+print(begun.is_over, halted[0], pickle.loads(sent).is_over)
+compiling._took = 100.0, None  # as in another process, which compiled longer
+print(round(pickle.loads(sent).seconds, 1))
+"""
+
+
+def test_compilation_counts_towards_no_limit(run: Run) -> None:
+    """The clock of limits stands still meanwhile, also that of a deadline that goes to another process."""
+    assert run(LIMITED) == ["False", "0", "0.1", "False", "0", "False", "0.1"]
 
 
 @pytest.fixture(scope="module")

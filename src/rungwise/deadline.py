@@ -8,10 +8,11 @@ import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from rungwise.compilation.progress import compiling
 from rungwise.errors import InputError
 from rungwise.kernel import Ints
 
@@ -27,30 +28,43 @@ class LimitError(InputError):
     """The time of a call was over before it had anything to return; one line says what it had not done."""
 
 
+def clock() -> float:
+    """Seconds of the monotonic clock, less those in which this process compiled kernels: a limit is for the
+    work that a call is asked for, and the first call on a machine would else return with nothing."""
+    return time.monotonic() - compiling.waited
+
+
 class Deadline:
-    """The end of a call by the monotonic clock, `limit` seconds from now; never without a limit.
+    """The end of a call by `clock`, `limit` seconds from now; never without a limit.
 
     halt (1,) is set when it has come, within the context of `running`: compiled loops read it."""
 
     def __init__(self, limit: float | None = None) -> None:
         self.limit = limit
-        self.ends = math.inf if limit is None else time.monotonic() + limit
+        self.ends = math.inf if limit is None else clock() + limit
         self.halt = np.zeros(1, np.int64)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process, whose own compilation stops its clock: when it ends by the monotonic clock."""
+        return self.__dict__ | {"ends": self.ends + compiling.waited}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__dict__.update(kept | {"ends": kept["ends"] - compiling.waited})
 
     @classmethod
     def at(cls, ends: float) -> Deadline:
-        """A deadline at this time of the monotonic clock."""
+        """A deadline at this time of `clock`."""
         made = cls()
         made.ends = ends
         return made
 
     @property
     def is_over(self) -> bool:
-        return self.ends < math.inf and not time.monotonic() < self.ends
+        return self.ends < math.inf and not clock() < self.ends
 
     def is_over_for(self, time_s: float) -> bool:
         """Whether it came so long ago."""
-        return self.ends < math.inf and time.monotonic() >= self.ends + time_s
+        return self.ends < math.inf and clock() >= self.ends + time_s
 
     def look(self) -> None:
         """Raises TimeOver where it has come."""
@@ -71,7 +85,7 @@ class Deadline:
     @property
     def seconds(self) -> float | None:
         """The time that is left; None without a limit."""
-        return None if self.ends == math.inf else max(0.0, self.ends - time.monotonic())
+        return None if self.ends == math.inf else max(0.0, self.ends - clock())
 
     @property
     def words(self) -> str:
@@ -130,7 +144,7 @@ class Running:
 
 
 class Alarms:
-    """Sets cells at times of the monotonic clock. One thread does so for the whole process, and sleeps until
+    """Sets cells at times of `clock`. One thread does so for the whole process, and sleeps until
     the first of the times: to start a thread takes as long as a short run."""
 
     def __init__(self) -> None:
@@ -157,7 +171,7 @@ class Alarms:
     def _watch(self) -> None:
         with self._turn:
             while True:
-                now = time.monotonic()
+                now = clock()
                 for key, (ends, cells) in list(self._waiting.items()):
                     if now >= ends:
                         _fill(cells, 1)
@@ -173,7 +187,7 @@ if hasattr(os, "register_at_fork"):
 
 @contextmanager
 def set_at(ends: float, cells: list[Ints]) -> Iterator[None]:
-    """Within the context each of these cells (1,) is set when this time of the monotonic clock has come."""
+    """Within the context each of these cells (1,) is set when this time of `clock` has come."""
     _ALARMS.add(ends, cells)
     try:
         yield

@@ -11,29 +11,35 @@ EVERY_S = 4.0
 """Seconds between further words: chosen for a person who reads them, by trial."""
 
 
+FIRST = "for about a minute, which counts towards no limit"
+"""What is said of the first wait."""
+
+
 class Progress:
-    """Kernels compiled by this process, and its seconds. Compilation nests, in one thread at a time."""
+    """Kernels that this process compiled, and for how long. Compilation nests, in one thread at a time."""
 
     def __init__(self) -> None:
         self.kernels = 0
-        self.seconds = 0.0
         self._depth = 0
-        self._began = 0.0
+        self._took: tuple[float, float | None] = 0.0, None
         self._next = SHORT_S
+
+    @property
+    def waited(self) -> float:
+        """Seconds of all compilation, one that goes on included; any thread may ask."""
+        seconds, began = self._took
+        return seconds if began is None else seconds + time.perf_counter() - began
 
     def tell(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
     def begin(self) -> None:
-        now = time.perf_counter()
         if self._depth == 0:
-            self._began = now
+            self._took = self._took[0], time.perf_counter()
         self._depth += 1
-        waited = self.seconds + now - self._began
+        waited = self.waited
         if waited >= self._next:
-            so_far = (
-                f"{self.kernels} so far, {waited:.0f} s" if self._next > SHORT_S else "for about a minute"
-            )
+            so_far = f"{self.kernels} so far, {waited:.0f} s" if self._next > SHORT_S else FIRST
             self.tell(f"rungwise: compiling kernels, once ({so_far})")
             self._next = (waited // EVERY_S + 1.0) * EVERY_S
 
@@ -41,11 +47,12 @@ class Progress:
         self._depth = max(self._depth - 1, 0)
         self.kernels += 1
         if self._depth == 0:
-            self.seconds += time.perf_counter() - self._began
+            self._took = self.waited, None
 
     def reset(self) -> None:
         """Forget a compilation that did not end."""
         self._depth = 0
+        self._took = self.waited, None
 
 
 compiling = Progress()

@@ -14,7 +14,7 @@ import numpy as np
 
 from rungwise.contact.judge import Balance
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.deadline import set_at
+from rungwise.deadline import clock, set_at
 from rungwise.kernel import Ints, Reals, linking_time, steady
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -229,7 +229,7 @@ class Simulation(Turns):
         signals = np.zeros(1, np.int64)
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
-            with set_at(time.monotonic() + TURN_S, [signals]):
+            with set_at(clock() + TURN_S, [signals]):
                 self.outcome = self._take(self._turn, signals, workspace)
         else:
             self.outcome = self._take(steps, signals, workspace)

@@ -377,6 +377,7 @@ class ModePlanner:
 
         def is_reached(q: Reals) -> bool:
             lacks = self.scene.placed.ask(self.work.task.resting(q)).lacks[0]
+            self._asked.foresee(float(lacks.sum()), q)
             return bool((lacks[asked] == 0.0).all())
 
         return is_reached

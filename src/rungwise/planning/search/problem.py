@@ -51,7 +51,8 @@ class Group(NamedTuple):
 @dataclass
 class Work:
     """What all stages of one planning share. nearest: what the best plan so far lacks; nearest_at: where
-    it ends (n,); was_there: whether a plan came to what the goal asks for and did not hold it; unlaid:
+    it ends (n,); foreseen, foreseen_at: the same of places in trees of contact modes, which no run may have
+    reached; was_there: whether a plan came to what the goal asks for and did not hold it; unlaid:
     plans that came to the goal where robots were placed by hand, and not when they were laid out; trees:
     how many were grown on each stage; seen: what pushes did on each; path (p, n): places on the way of
     the object, if some are given; grown: trees of contact modes, and the legs in them; failures: why
@@ -69,6 +70,8 @@ class Work:
     seed: int
     nearest: float = np.inf
     nearest_at: Reals | None = None
+    foreseen: float = np.inf
+    foreseen_at: Reals | None = None
     was_there: bool = False
     unlaid: int = 0
     trees: Counter[str] = field(default_factory=Counter)
@@ -114,6 +117,11 @@ class Work:
         self.was_there |= lack <= LEAST
         if LEAST < lack < self.nearest:
             self.nearest, self.nearest_at = lack, q.copy()
+
+    def foresee(self, lack: float, q: Reals) -> None:
+        """Remember how near a tree of contact modes came to what the goal says of places, and where (n,)."""
+        if lack < self.foreseen:
+            self.foreseen, self.foreseen_at = lack, q.copy()
 
     def lack(self, places: Places) -> Reals:
         """How much of the goal plans lack at their ends (m,)."""
@@ -211,15 +219,30 @@ def _nearest(work: Work) -> str:
     begun = float(work.lack(work.start)[0])
     if work.nearest_at is None or work.nearest > begun - LEAST:
         lacks = f", which misses it by {begun:.3g}" if LEAST < begun < np.inf else ""
-        return f"; no plan ended nearer to the goal than the start{lacks}"
+        return f"; no plan ended nearer to the goal than the start{lacks}{_foreseen(work, begun)}"
+    at = _objects_at(work, work.nearest_at)
+    come = f"; the nearest plan misses the goal by {work.nearest:.3g}{at and f', with {at}'}"
+    return come + _foreseen(work, work.nearest)
+
+
+def _foreseen(work: Work, lack: float) -> str:
+    """How near trees of contact modes came, whose legs were not run; empty where runs, or the start, lack no
+    more than they."""
+    if work.foreseen_at is None or not LEAST < work.foreseen < lack - LEAST:
+        return ""
+    at = _objects_at(work, work.foreseen_at)
+    return f"; the nearest place in trees of contact modes misses it by {work.foreseen:.3g}, with {at}"
+
+
+def _objects_at(work: Work, q: Reals) -> str:
+    """Coordinates of the objects of which the goal speaks, at q (n,)."""
     bodies = {name for groups in work.groups for group in groups for name in group.bodies}
     names = work.task.scene.template.coordinates
-    at = ", ".join(
+    return ", ".join(
         f"{name} = {value:.4g}"
-        for name, value in zip(names, work.nearest_at.tolist(), strict=False)
+        for name, value in zip(names, q.tolist(), strict=False)
         if name.partition(".")[0] in bodies
     )
-    return f"; the nearest plan misses the goal by {work.nearest:.3g}{at and f', with {at}'}"
 
 
 def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:
