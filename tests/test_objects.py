@@ -19,6 +19,7 @@ import pytest
 import rungwise as rw
 import rungwise.gym
 from rungwise.content import ByContent, same
+from rungwise.hierarchy import paths
 from rungwise.world.rollout import RolloutKeywords
 from rungwise.world.run import RunKeywords
 
@@ -85,6 +86,13 @@ def test_every_public_result_answers() -> None:
             continue
         plain = {"str", "int", "float", "bool", "Rung", "Rung | str"}
         assert {str(f.type) for f in dataclasses.fields(kind)} <= plain, kind
+
+
+@pytest.mark.parametrize(
+    "path", [each for each in vars(paths).values() if isinstance(each, paths.Path)], ids=str
+)
+def test_paths_of_a_comparison_can_be_kept(path: paths.Path) -> None:
+    assert pickle.loads(pickle.dumps(path)) == path
 
 
 def test_runs_are_themselves_and_can_be_kept() -> None:

@@ -49,22 +49,30 @@ def _zero(_: float) -> float:
     return 0.0
 
 
+def _same(at: float) -> float:
+    return at
+
+
 def _inverse(at: float) -> float:
     return 1.0 / at
+
+
+def _inverse_root(at: float) -> float:
+    return float(at**-0.5)
 
 
 _SMALL = tuple(1.0 / factor for factor in CONTACT)
 """What the distance to rigid contact is expected to fall with."""
 RATIO = Path(
     "stiffness times 1 to 1e4 at a fixed damping ratio", "1/K", _SMALL, _one, _inverse,
-    lambda at: at**-0.5,
+    _inverse_root,
 )  # fmt: skip
 PROPORTIONAL = Path(
     "stiffness times 1 to 1e4 with damping in proportion", "1/K", _SMALL, _one, _inverse, _inverse, 0.0
 )
 UNDAMPED = Path("stiffness times 1 to 1e4 without damping", "1/K", _SMALL, _one, _inverse, _zero, 1.0)
-LIGHT = Path("inertia times 1e-1 to 1e-5", "epsilon", INERTIA, lambda at: at, _one, _one)
+LIGHT = Path("inertia times 1e-1 to 1e-5", "epsilon", INERTIA, _same, _one, _one)
 BOTH = Path(
     "inertia times 1e-1 to 1e-5 and stiffness times 10 to 1e5, at a fixed damping ratio", "epsilon", INERTIA,
-    lambda at: at, _inverse, _one,
+    _same, _inverse, _one,
 )  # fmt: skip
