@@ -6,9 +6,9 @@ the wrong one, and one draw in eight lacks both. In each draw the loss about eac
 by the derivatives there, as the score bootstrap has it (Kline and Santos 2012), and the values are those of
 the deepest one: intervals join minima that the motions cannot tell apart, and a thousand draws cost no run.
 A trial that says much of a value has pulled it to itself, and little of its slope is left there: slopes are
-those at the values without each trial, as of the jackknife (MacKinnon, Nielsen, Webb 2023), or where few
-trials say most, intervals would be too narrow. They are those of percentiles, widened for few trials as
-Student's are (Hesterberg 2015). What is not
+divided by the root of what is left (CR2 of Bell and McCaffrey 2002), or where few trials say most, intervals
+would be too narrow. They are those of percentiles, widened for few trials as Student's are (Hesterberg 2015),
+with as many degrees of freedom as trials that say much (Imbens and Kolesar 2016). What is not
 determined is read from the curvature of the loss beside that of knowing no more than the box, and from
 slices.
 """
@@ -147,10 +147,11 @@ def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
         return np.array([np.zeros(k), np.ones(k)]), np.eye(len(minima))[0]
     counts = m * np.random.default_rng(seed).dirichlet(np.ones(m), size=DRAWS)
     end = 0.5 + CONFIDENCE / 2.0
-    wider = np.sqrt((m + 1.0) / m) * t.ppf(end, m - 1) / norm.ppf(end)
     places, depths = [], []
     for number, each in enumerate(minima):
-        first = counts @ _without_each(each)
+        slopes, free = _unpulled(each)
+        wider = np.sqrt((m + 1.0) / m) * t.ppf(end, free) / norm.ppf(end)
+        first = counts @ slopes
         known = BOX_PRECISION if number else 1e-6 * BOX_PRECISION  # the parabola of a plain reaches far
         second = np.tensordot(counts, each.second, 1) + known * np.eye(k)
         step = np.linalg.solve(second, first[..., None])[..., 0]
@@ -162,15 +163,20 @@ def _bootstrap(minima: Sequence[Minimum], seed: int) -> tuple[Reals, Reals]:
     return np.asarray(ends), np.bincount(deepest, minlength=len(minima)) / DRAWS
 
 
-def _without_each(found: Minimum) -> Reals:
-    """First derivatives of trials (m, k) at the values that the others give, by the parabolas of all."""
+def _unpulled(found: Minimum) -> tuple[Reals, Reals]:
+    """First derivatives of trials (m, k) as large as if no trial had pulled the values to itself, and degrees
+    of freedom (k,): one less than the trials by which each value is known, were all to say the same."""
     total = found.second.sum(axis=0) + 1e-6 * BOX_PRECISION * np.eye(found.second.shape[1])
     values, vectors = np.linalg.eigh(total)
     root, inverse = ((vectors * values**power) @ vectors.T for power in (0.5, -0.5))
-    shares, own = np.linalg.eigh(inverse @ found.second @ inverse)
+    said = inverse @ found.second @ inverse
+    shares, own = np.linalg.eigh(said)
     apart = (found.first - found.first.mean(axis=0)) @ inverse
-    along = np.einsum("mij,mi->mj", own, apart) / np.maximum(1.0 - shares, ALONE)
-    return np.asarray(np.einsum("mij,mj->mi", own, along) @ root)
+    along = np.einsum("mij,mi->mj", own, apart) / np.sqrt(np.maximum(1.0 - shares, ALONE))
+    ways = inverse / np.linalg.norm(inverse, axis=0)
+    parts = np.einsum("ik,mij,jk->mk", ways, said, ways)
+    free = np.maximum(1.0 / np.maximum((parts**2).sum(axis=0), 1e-300) - 1.0, 1.0)
+    return np.einsum("mij,mj->mi", own, along) @ root, np.minimum(free, len(parts) - 1.0)
 
 
 def _explains(predictor: Predictor, box: Box, weights: Weights, unit: Reals) -> Reals:
