@@ -4,6 +4,8 @@ each number or little more."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import unwrap
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from rungwise.contact.analysis.closure import Closure
 from rungwise.contact.analysis.closure import check as closes
 from rungwise.contact.analysis.monotone import Demands, is_monotone
 from rungwise.contact.analysis.pieces import Polyhedron, dimensions, holds_in_own_terms, motion_map, same
-from rungwise.contact.analysis.sensitivity import Sensitivity
+from rungwise.contact.analysis.sensitivity import Sensitivity, _clear_inverse
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.certificate import check as certified
 from rungwise.contact.judge.farkas import HULL, excludes, excludes_given
@@ -33,7 +35,8 @@ from rungwise.contact.problem import Problem
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.polish.exact import _inverse as inverse
 from rungwise.contact.solvers.polish.settled import calmed
-from rungwise.contact.step.modes import ANY, OPEN
+from rungwise.contact.solvers.space import chain
+from rungwise.contact.step.modes import ANY, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.deadline import NEVER
 
@@ -342,3 +345,30 @@ def test_forces_count_beside_speeds_and_speeds_beside_forces(
 def test_a_start_is_an_answer_up_to_an_error_of_a_billionth(error: float, kept: bool) -> None:
     found = rw.solve(rw.Problem.lcp(np.array([[2.0]]), np.array([-2.0])), start=np.array([1.0 + error]))
     assert found.status == "solved" and (found.chain == ()) == kept
+
+
+@pytest.mark.parametrize(("least", "is_clear"), [(1e-8, True), (5e-10, False)])
+def test_a_matrix_is_inverted_by_elimination_where_its_condition_leaves_no_doubt(
+    least: float, is_clear: bool
+) -> None:
+    """A hundred times what singular values of such a size may be, for two unknowns."""
+    for scale in (1.0, 1e-6):
+        found = _clear_inverse(scale * np.diag([1.0, least]))
+        assert (found is not None) == is_clear
+
+
+@pytest.mark.parametrize(("short", "sticks"), [(5e-9, True), (2e-10, False)])
+def test_a_contact_sticks_whose_friction_is_short_of_its_limit(
+    short: float, sticks: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it moves, by rounding or not; and so does a limited row."""
+    monkeypatch.setattr(chain, "_is_still", lambda *_: False)
+    problem: Any = SimpleNamespace(R=np.zeros((3, 3)), mu=np.array([0.5]), F=np.array([7.0]))
+    for normal in (1.0, 1e4):
+        mode, force = (
+            np.zeros(2, np.int64),
+            normal * np.array([1.0, 0.3, -0.4]) * [1.0, 1.0 - short, 1.0 - short],
+        )
+        unknowns: Any = (mode, np.zeros(1), force, np.array([-7.0 * (1.0 - short)]))
+        unwrap(chain.tell_modes)(problem, (1, 1, 1), None, unknowns)
+        assert (mode == (STICK if sticks else FORWARD)).all()

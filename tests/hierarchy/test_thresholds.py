@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.deadline import TimeOver
 from rungwise.hierarchy import limits
 from rungwise.hierarchy.along_paths import FLOOR, Distances
+from rungwise.hierarchy.compare import _fill
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, UNDECIDED, Fit
 from rungwise.hierarchy.motions import Motions
 from rungwise.hierarchy.paths import STIFFNESS, Path
@@ -118,3 +120,19 @@ def test_equal_steps_are_tried_where_distances_scatter() -> None:
     for scatter, error, is_tried in ((0.08, 0.02, False), (0.8, 0.2, True)):
         found, bench = fitted(1.0, scatter)
         assert 0.5 * error < found.error < 2.0 * error and (bench.equal > 0) == is_tried
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 0.1])
+def test_runs_that_choose_are_finer_than_what_is_asked_for_but_not_for_nothing(accuracy: float) -> None:
+    asked = list[float]()
+
+    def last(_drawn: Any, tol: float) -> Any:
+        asked.append(tol)
+        raise TimeOver("here")
+
+    part: Any = SimpleNamespace(until=np.full(2, np.nan))
+    bench: Any = SimpleNamespace(last=last)
+    steps: Any = None
+    with pytest.raises(TimeOver):
+        _fill(part, bench, (), np.zeros((2, 1)), accuracy, np.random.default_rng(0), steps)
+    assert 2e-3 * accuracy < asked[0] < 0.05 * accuracy

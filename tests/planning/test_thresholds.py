@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,16 +13,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.design.optimise import Tuner
+from rungwise.planning.lift import repair
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
 from rungwise.planning.modes.forces.mode_motions import projected, turn
+from rungwise.planning.motion.budget import Stage
+from rungwise.planning.motion.joint_transit import SpaceTransit
 from rungwise.planning.motion.placements import Placing
 from rungwise.planning.search.problem import Work
 from rungwise.planning.squeeze import squeeze_plan
 from rungwise.planning.task.task import Task, _is_slow
 from rungwise.world.planar.evidence import _bounce, _giving
+from rungwise.world.spatial.around.surface import BOX, CAPSULE, ELLIPSOID, SPHERE, _is_inside
 from rungwise.world.spatial.tool import JointTool
 
 
@@ -219,3 +225,74 @@ def test_the_margin_of_designs_is_that_of_a_tenth_of_the_samples(count: int) -> 
     rates, least = Tuner.tried(own, np.zeros((1, 1)))
     assert rates.tolist() == [1.0]
     assert max(1, 0.02 * count) <= least[0] + 1 <= 0.3 * count
+
+
+def _geom(kind: int, size: tuple[float, float, float]) -> Any:
+    bound = float(np.linalg.norm(size))
+    return stub(
+        geom_quat=np.array([[1.0, 0.0, 0.0, 0.0]]), geom_size=np.array([size]), geom_type=np.array([kind]),
+        geom_pos=np.zeros((1, 3)), geom_rbound=np.array([bound]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [SPHERE, CAPSULE, ELLIPSOID, BOX, 5])
+def test_places_on_a_geom_are_inside_of_it_but_for_rounding(kind: int) -> None:
+    """Beyond its end along an axis by less than a millionth of its size, or by more."""
+    for scale in (0.01, 5.0):
+        size = (scale, scale, scale)
+        model = _geom(kind, size)
+        end = 2.0 * scale if kind == CAPSULE else scale
+        for off, within in ((2e-7, True), (1e-5, False)):
+            place = np.array([[0.0, 0.0, end * (1.0 + off)]])
+            assert bool(_is_inside(model, 0, place)[0]) == within
+
+
+@pytest.mark.parametrize("heading", np.linspace(0.1, 6.0, 7).tolist())
+def test_a_robot_comes_away_though_few_ways_lead_away(heading: float) -> None:
+    """Within an eighth of a turn about a heading."""
+    way = np.array([math.cos(heading), math.sin(heading)])
+
+    def gaps(rows: Reals) -> Reals:
+        ahead = rows @ way
+        aside = np.abs(rows @ np.array([-way[1], way[0]]))
+        return (0.1 * np.where(aside <= 0.41 * ahead, ahead, -1.0))[:, None]
+
+    own: Any = stub(
+        _gaps=gaps, _clearance=0.5, _columns=np.arange(2), _limits=(np.full(2, -9.0), np.full(2, 9.0)),
+        _moved=lambda a, b: float(np.linalg.norm(b - a)),
+    )  # fmt: skip
+    found = SpaceTransit.away(own, np.zeros(2))
+    assert found @ way > 0.0 and np.linalg.norm(found) <= 1.0 + 1e-9
+
+
+def test_hands_grasp_anew_in_most_of_the_time_and_leave_some_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    parts, before = list[float](), stub(is_by_modes=False)
+
+    @contextmanager
+    def part(share: float) -> Any:
+        parts.append(share)
+        yield
+
+    monkeypatch.setattr(repair, "hand_in", lambda _: stub())
+    monkeypatch.setattr(repair, "by_hand", lambda *_: None)
+    work: Any = stub(budget=stub(part=part))
+    assert repair._regrasped(work, stub(), before) is None
+    assert 0.5 <= parts[0] <= 0.9
+
+
+def test_plans_are_led_to_inertia_by_steps_of_a_decade_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    inertias = list[float]()
+    monkeypatch.setattr(repair, "laid", lambda _work, own, _vectors: own)
+    predictor = stub(stage=Stage(rw.DYNAMIC_RIGID, 1e-3))
+
+    def of(stage: Any) -> Any:
+        inertias.append(stage.model.inertia)
+        return stub(reached=True, places=[], stage=stage)
+
+    work: Any = stub(predictor=of, budget=stub(left=True))
+    before: Any = stub(model=rw.QUASISTATIC_RIGID, vectors=np.zeros((0, 1)), waypoints=None)
+    assert repair._by_continuation(work, predictor, before) is not None
+    grown = np.array([0.001, *inertias]) / rw.DYNAMIC_RIGID.inertia
+    assert grown[-1] == 1.0 and (np.diff(grown) > 0.0).all() and (grown[1:] / grown[:-1] < 12.0).all()

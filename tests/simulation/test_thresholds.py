@@ -18,8 +18,10 @@ from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.planar.step import error_control
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.run import Simulation
-from rungwise.simulation.spatial import begin
+from rungwise.simulation.spatial import begin, replay
 from rungwise.simulation.spatial.replay import _between
+from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.threads import Workers
 from rungwise.system.planar.contact_manifold import are_parallel
 from rungwise.system.spatial.missed_contacts import Nearest
 from rungwise.system.spatial.noise import Noise, _jump
@@ -201,3 +203,51 @@ def test_a_step_to_a_contact_ends_a_little_short_of_it(monkeypatch: pytest.Monke
         rung = [SimpleNamespace(compliant=False, inertia=1.0)]
         h, _ = unwrap(error_control.until_contact)(None, rung, workspace, 1.0, 0.0, 0.0, 1e-3, 1.0)
         assert 1e-10 < (gap + rate * h) / gap < 1e-8
+
+
+@pytest.mark.parametrize("duration", [0.3, 20.0])
+def test_steps_of_controlled_length_see_what_lasts_a_tenth_of_a_run(duration: float) -> None:
+    """Of a robot at a steady speed, whose steps have no error; and there are no more than that takes."""
+    robot = {
+        "role": "robot", "shape": {"kind": "disc", "radius": 1.0},
+        "motion": {"kind": "slide", "axis": [1, 0], "name": "p"},
+        "coordinates": {"p": {"drive": {"kind": "speed", "speed": 1.0}}},
+    }  # fmt: skip
+    scene = rw.load({"name": "steady", "bodies": {"one": robot}, "duration": duration, "step": 1e-3})
+    for rung in (rw.KINEMATIC, rw.DYNAMIC_RIGID):
+        times = rw.simulate(scene, rung, tol=1e-3).trajectory.time.values
+        assert np.diff(times).max() < 0.15 * duration and len(times) < 40
+
+
+@pytest.mark.parametrize(("apart", "parts"), [(2e-3, False), (0.05, True)])
+def test_motions_part_from_a_hundredth_of_the_scene_on(
+    apart: float, parts: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    course = SimpleNamespace(settings="")
+    monkeypatch.setattr(replay, "_Course", lambda *_: course)
+    states = [SimpleNamespace(q=None)] * 3
+    monkeypatch.setattr(replay, "_followed", lambda *_: (states, "timeout", ""))
+    monkeypatch.setattr(replay, "_apart", lambda *_: np.array([0.0, apart]))
+    monkeypatch.setattr(replay, "_reasons", lambda *_: [])
+    run: Any = object.__new__(SpaceRun)
+    for name, value in (
+        ("frames", [SimpleNamespace(time=float(k), q=None) for k in range(3)]),
+        ("space", SimpleNamespace(model=SimpleNamespace(stat=SimpleNamespace(extent=1.0)))),
+        ("scene", SimpleNamespace(labels=SimpleNamespace(bodies=("floor", "box")))),
+    ):
+        object.__setattr__(run, name, value)
+    found = replay.replay(run)
+    assert (found.parts == 0.0) == parts and found.body == ("box" if parts else "")
+
+
+def test_runs_of_half_a_million_steps_come_to_their_end() -> None:
+    """On threads, without a budget of their own; a longer one has not converged."""
+    robot = {
+        "role": "robot", "shape": {"kind": "disc", "radius": 1.0}, "motion": {"kind": "slide", "axis": [1, 0]}
+    }  # fmt: skip
+    fields = {"name": "long", "parameters": {"v": {"default": 1.0}}, "bodies": {"one": robot}}
+    scene = rw.load(fields | {"goal": "one.s > 9", "duration": 0.5, "step": 2e-6})
+    for steps, ends in ((250_000, True), (4_000_000, False)):
+        own = Workers(scene, rw.KINEMATIC, ("v",), None, threads=1, step=0.5 / steps)
+        found = own.run(np.ones((1, 1)))
+        assert (found.results["outcome"][0] != Code.NOT_CONVERGED) == ends

@@ -34,8 +34,6 @@ GRID = {1: 2000, 2: 400, 3: 100, 4: 40}
 """Points of the grid along each axis on which the middle of a set is looked for."""
 SCAN, HALVINGS = 21, 8
 """Points of a scan from a design to each side of the box, and halvings that locate where success ends."""
-STEPS = 100_000
-"""Most steps of one try; one that takes more counts as `not_converged`."""
 WORST = 0.1
 """The part of worst samples whose margin decides between designs of the same rate."""
 
@@ -65,7 +63,7 @@ class Tuner:
         self._over = list(dict.fromkeys([*self.names, *self._uncertain]))
         self._batch = Motions(
             self.scene, self.model, self._over, SLOWEST, parameters=self.parameters, tol=self.tol,
-            budget=STEPS, threads=self.threads,
+            threads=self.threads,
         )  # fmt: skip
 
     def tried(self, designs: Reals, quantiles: Reals | None = None) -> tuple[Reals, Reals]:
