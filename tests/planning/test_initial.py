@@ -118,7 +118,7 @@ def test_a_path_is_followed(height: float, width: float, far: float, below: floa
 @pytest.mark.parametrize(
     ("initial", "words"),
     [
-        ([], "initial: must be a plan, a list of segments, or an array of poses, not a list"),
+        ([], "initial: has no segments"),
         ("push", "initial: must be a plan, a list of segments, or an array of poses, not 'push'"),
         (np.zeros((3, 2)), "initial: a path has poses (n, 3)"),
         (np.full((3, 3), np.nan), "initial: poses of a path must be finite"),

@@ -35,10 +35,12 @@ def begun_with(work: Work, plan: Plan, initial: Initial, stages: Sequence[Stage]
     if isinstance(initial, np.ndarray):
         work.path = _path(work, initial)
         return plan
-    if isinstance(initial, str | bytes) or not isinstance(initial, Sequence) or not len(initial):
+    if isinstance(initial, str | bytes) or not isinstance(initial, Sequence):
         raise TaskError(
             f"initial: must be a plan, a list of segments, or an array of poses, not {shown(initial)}"
         )
+    if not len(initial):
+        raise TaskError("initial: has no segments")
     try:
         segments = read_schedule(work.task.scene, initial)
     except ScheduleError as error:
