@@ -59,6 +59,31 @@ def test_files_of_packages_are_found(
     assert rw.simulate(scene, "dynamic-rigid", duration=0.01).outcome == "timeout"
 
 
+def test_a_model_includes_files_of_packages_and_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Folders of a package count as well, and files beside the model are found as without packages."""
+    package = tmp_path / "robots" / "arms"
+    mesh(package / "meshes" / "link.stl")
+    (package / "__init__.py").write_text("")
+    (package / "arm.xml").write_text(
+        """<mujocoinclude><body name="link"><joint name="turn"/><geom type="mesh" mesh="link"/></body>
+        </mujocoinclude>"""
+    )
+    (tmp_path / "table.xml").write_text(
+        """<mujocoinclude><geom name="table" type="plane" size="1 1 .1" pos="0 0 -9"/></mujocoinclude>"""
+    )
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        """<mujoco><compiler meshdir="package://arms/meshes"/>
+        <asset><mesh name="link" file="link.stl"/></asset><worldbody><include file="table.xml"/><include file="package://arms/arm.xml"/></worldbody></mujoco>"""
+    )
+    monkeypatch.syspath_prepend(str(package.parent))
+    scene = rw.load(path)
+    assert scene.template.coordinates == ("link.turn",)
+    assert rw.simulate(scene, "dynamic-rigid", duration=0.01).outcome == "timeout"
+
+
 def test_a_file_that_is_nowhere_is_named(tmp_path: Path) -> None:
     path = urdf(tmp_path / "arm.urdf", "package://arm_description/meshes/link.stl")
     with pytest.raises(

@@ -55,10 +55,11 @@ class Linear(NamedTuple):
 
 class Servos(NamedTuple):
     """Stiffness and limit (k,) of the servos that place a robot, in force per place and in force, infinite
-    where speeds are given."""
+    where speeds are given; and by how much time its joints in space lag behind moving targets at most."""
 
     stiffness: Reals
     limit: Reals
+    lag: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -226,6 +227,9 @@ class Surroundings(Protocol):
 
     @property
     def placed(self) -> Ints: ...
+
+    def moved_by(self, columns: Ints) -> Ints:
+        """The bodies that some of these velocities (k,) move."""
 
     def touches(self, q: Reals, within: float) -> Touches:
         """What is nearer than `within` at a place (n_q,)."""

@@ -121,10 +121,10 @@ def test_a_chain_moves_near_its_posture_without_moving_what_it_touches() -> None
     assert arm is not None and arm.posture is not None
     away = arm.posed(q, np.array([0.5, -0.8, 0.4]))
     slope = np.random.default_rng(0).normal(size=(2, 3))
-    change = to_posture(arm, away, slope)
+    change = to_posture(arm, away, slope, arm.posture)
     assert np.abs(slope @ change).max() < 1e-4 * np.abs(slope).max()
     assert change @ (arm.posture - arm.joints(away)) > 0.0
-    assert not to_posture(arm, away, np.eye(3)).any()
+    assert not to_posture(arm, away, np.eye(3), arm.posture).any()
 
 
 def test_a_chain_touches_where_it_is_to_and_stays_near_its_posture() -> None:

@@ -50,7 +50,7 @@ def asked(gap: Callable[[int], float]) -> tuple[int, float]:
             gap=0.1 * gap(count - 1), point=np.zeros(3), across=np.zeros((0, 3)), rows=np.ones((1, 1))
         )
 
-    _, off = _touching(stub(near=near), slides(1), np.zeros(1), wanted(exact=1e-4))
+    _, off = _touching(stub(near=near), slides(1), np.zeros(1), wanted(exact=1e-4), None)
     return count, 10.0 * float(np.abs(off).max())
 
 
@@ -121,7 +121,7 @@ def test_joints_to_spare_come_to_their_posture_within_a_search(seed: int) -> Non
     slope[0, 0] = 1.0
     q[0] = posture[0]
     for _ in range(15):
-        q = q + to_posture(slides(4, posture), q, slope)
+        q = q + to_posture(slides(4, posture), q, slope, posture)
         far.append(float(np.abs(posture - q).max()))
     assert far[-1] < 0.1 * far[0] and far == sorted(far, reverse=True)
 
@@ -133,7 +133,7 @@ def test_joints_go_to_their_posture_where_a_touch_moves_by_rounding_alone(seed: 
     own, other, spare = np.linalg.qr(np.random.default_rng(seed).normal(size=(4, 4)))[0][:3]
     arm = slides(4, own + other + spare)
     for slope in (np.array([own, other]), np.array([2.0 * own, other + own])):
-        change = to_posture(arm, np.zeros(4), slope)
+        change = to_posture(arm, np.zeros(4), slope, arm.posture)
         assert np.abs(slope @ change).max() < 4e-6 * np.abs(slope).max() and spare @ change > 0.0
-    change = to_posture(arm, np.zeros(4), np.array([own, own + 4e-4 * other]))
+    change = to_posture(arm, np.zeros(4), np.array([own, own + 4e-4 * other]), arm.posture)
     assert other @ change > 0.9 * (spare @ change)

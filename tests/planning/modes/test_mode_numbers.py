@@ -285,7 +285,8 @@ def _arm(gap: Any) -> Any:
     )  # fmt: skip
     scene = stub(template=stub(contacts=[("tip", "post")]))
     around = stub(least=lambda q, _own: np.array([gap(float(q[0]))]))
-    return stub(fingers=[finger], around=around, task=stub(scene=scene, size=0.1))
+    task, own = stub(scene=scene, size=0.1), np.zeros(1, np.int64)
+    return stub(fingers=[finger], around=around, task=task, contacts_of=lambda _f: own)
 
 
 def test_ways_of_arms_see_what_is_as_wide_as_a_finger(monkeypatch: pytest.MonkeyPatch) -> None:

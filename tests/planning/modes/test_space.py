@@ -184,10 +184,14 @@ def test_a_push_behind_the_centre_leads_ahead_and_one_beside_it_turns(tmp_path: 
     assert abs(turned[0]) < 2.0 and turned[1] < 0.0 < turned[2]
 
 
+@pytest.mark.parametrize("own", [True, False])
 @pytest.mark.parametrize("side", [0.0, 0.12])
-def test_a_way_past_a_post_keeps_an_object_on_its_floor(tmp_path: Path, side: float) -> None:
-    """Where the post is beside the straight way there is nothing to go around."""
-    post = f'<body name="post" pos=".13 {side} .04"><geom type="cylinder" size=".02 .04"/></body>'
+def test_a_way_past_a_post_keeps_an_object_on_its_floor(tmp_path: Path, side: float, own: bool) -> None:
+    """Where the post is beside the straight way there is nothing to go around; the post may be a body of its
+    own, or, as the floor, a part of the world."""
+    body, world = (f'pos=".13 {side} .04"', "") if own else ("", f'pos=".13 {side} .04"')
+    post = f'<geom type="cylinder" size=".02 .04" {world}/>'
+    post = f'<body name="post" {body}>{post}</body>' if own else post
     ground, seen = ground_of(fingers(tmp_path, 1, "object.x >= 1", others=post))
     change = np.zeros(len(ground.around.owners))
     change[ground.columns] = [0.26, 0.0, 0.0, 0.0, 0.0, 0.7]

@@ -24,9 +24,8 @@ def arms_way(
     """Places (k, n) on the way of fingers (f,), some of them arms, from a (n,) to b (n,), both included; None
     where no way was found. All else holds still; those that are raised pass over objects."""
     fingers = [ground.fingers[f] for f in moving]
-    names, bodies = ground.task.scene.template.contacts, {finger.carrier.body for finger in fingers}
     over = over_objects(ground.task, raised)
-    own = np.array([k for k, pair in enumerate(names) if bodies & set(pair) and k not in over], np.int64)
+    own = np.setdiff1d(np.concatenate([ground.contacts_of(int(f)) for f in moving]), list(over))
     units = np.concatenate([finger.units for finger in fingers])
     low = np.concatenate([_range(ground, int(f))[0] for f in moving])
     high = np.concatenate([_range(ground, int(f))[1] for f in moving])
@@ -38,18 +37,21 @@ def arms_way(
             q, at = finger.put(q, values[at : at + size]), at + size
         return q
 
-    def gap(values: Reals) -> float:
-        return float(ground.around.least(place(values), own).min(initial=math.inf))
+    def gaps(values: Reals) -> Reals:
+        return ground.around.least(place(values), own)
 
     ends = [np.concatenate([finger.drives(q) for finger in fingers]) for q in (a, b)]
     clear = NEAR * min(finger.carrier.clearance for finger in fingers)
-    least = min(clear, 0.5 * min(gap(end) for end in ends))
-    if least <= 0.0:
+    least = np.minimum(clear, 0.5 * np.min([gaps(end) for end in ends], axis=0))
+    if (least <= 0.0).any():
         return None
 
     def is_free(one: Reals, other: Reals) -> bool:
         count = max(1, math.ceil(float(np.abs((other - one) / units).max(initial=0.0)) / TURN))
-        return all(gap(one + part * (other - one)) >= least for part in np.linspace(0.0, 1.0, count + 1))
+        return all(
+            bool((gaps(one + part * (other - one)) >= least).all())
+            for part in np.linspace(0.0, 1.0, count + 1)
+        )
 
     way: Reals | None = np.array(ends)
     if not is_free(*ends):

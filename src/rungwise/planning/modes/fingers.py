@@ -43,6 +43,11 @@ class Finger:
     lift: tuple[int, float] | None = None
 
     @property
+    def is_redundant(self) -> bool:
+        """Whether it is an arm in space with more joints than touching a point takes."""
+        return self.arm is not None and self.bounds.shape[1] == 3 and len(self.arm.units) > 3
+
+    @property
     def moved(self) -> Ints:
         """The columns (m,) of velocities that its drives move."""
         return self.columns if self.arm is None else self.arm.columns
@@ -179,12 +184,12 @@ def sort_touches(
 
 @kernel
 def are_apart(
-    least: Reals, pairs: Ints, avoided: Ints, own: Ints, used: Ints, closed: float, apart: float, q: Reals,
-    placing: Ints, reach: Reals,
+    least: Reals, pairs: Ints, avoided: Ints, kept: Reals, own: Ints, used: Ints, closed: float, apart: float,
+    q: Reals, placing: Ints, reach: Reals,
 ) -> bool:  # fmt: skip
     """See `Ground.is_free`, but for arms."""
     for k in range(len(avoided)):
-        if not least[avoided[k]] >= apart:
+        if not least[avoided[k]] >= kept[k]:
             return False
     for k in range(len(pairs)):
         if not least[pairs[k]] >= -closed:

@@ -24,10 +24,10 @@ from rungwise.planning.modes.frames import (
     marks_in_space,
     weights_of,
 )
+from rungwise.planning.modes.joints.clearing import Earlier, cleared, first_free
 from rungwise.planning.modes.joints.inverse_kinematics import (
     EXACT,
     Reach,
-    first_free,
     laid,
     middle_of,
     reached,
@@ -40,8 +40,9 @@ from rungwise.world.find import world_of
 
 CLOSED = 2e-3
 """Gap, in parts of the object's size, below which a contact counts as closed."""
-APART = 0.1
-"""Part of their clearance that fingers keep from what they do not touch."""
+APART, BEGUN = 0.1, 0.5
+"""Part of their clearance that fingers keep from what they do not touch, and of the gap at the start, where
+that is less."""
 CORRECTIONS = 3
 """Steps of Newton's method with which contacts that are kept are closed again."""
 EDGE = 0.08
@@ -92,6 +93,7 @@ class Ground:
     closed: float
     apart: float
     _memories: list[Memory] = field(default_factory=list)
+    _earlier: dict[int, Earlier] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -105,7 +107,7 @@ class Ground:
         last = body if last is None else last
         touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
         pairs, avoided, beyond, own = list[int](), list[int](), list[int](), [-1] * len(fingers)
-        links = {int(k) for f in fingers if f.arm is not None for k in around.owners[f.arm.columns]}
+        links = {k for f in fingers if f.arm is not None for k in around.moved_by(f.arm.columns).tolist()}
         for k, pair in enumerate(contacts):
             a, b = (names.index(name) for name in pair)
             of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
@@ -144,6 +146,21 @@ class Ground:
         closed, held = np.empty(len(touches.gaps), np.int64), np.empty(len(self.fingers), np.int64)
         count = sort_touches(touches.gaps, touches.pairs, self.closed, self.surrounds, self.own, closed, held)
         return Seen(q, touches, closed[:count], held)
+
+    @cached_property
+    def kept_apart(self) -> Reals:
+        """The gaps (a,) that fingers keep from what they avoid: less where they begin nearer, as links of an
+        arm may be to each other."""
+        start = world_of(self.task.scene).at(self.task.parameters).q
+        return np.minimum(self.apart, BEGUN * self.around.least(start, self.avoided))
+
+    def contacts_of(self, f: int) -> Ints:
+        """The scene's contacts of a finger and of all that its joints move."""
+        finger, names = self.fingers[f], self.task.scene.template.bodies
+        moved = [] if finger.arm is None else self.around.moved_by(finger.arm.columns).tolist()
+        bodies = {finger.carrier.body, *(names[body] for body in moved)}
+        pairs = self.task.scene.template.contacts
+        return np.array([k for k, pair in enumerate(pairs) if bodies & set(pair)], np.int64)
 
     @property
     def is_free_body(self) -> bool:
@@ -206,8 +223,8 @@ class Ground:
     def is_free(self, seen: Seen, used: Ints) -> bool:
         """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
         free = are_apart(
-            seen.touches.least, self.pairs, self.avoided, self.own, used, self.closed, self.apart, seen.q,
-            self.placing, self.reach,
+            seen.touches.least, self.pairs, self.avoided, self.kept_apart, self.own, used, self.closed,
+            self.apart, seen.q, self.placing, self.reach,
         )  # fmt: skip
         return bool(free) and all(
             finger.reaches(seen.q, self.around) for finger in self.fingers if finger.arm is not None
@@ -316,12 +333,19 @@ class Ground:
         point, normal = (rows[0] for rows in self.around.outline(self.body)(np.array([part])))
         point, normal, pair = at + turned @ point, turned @ normal, int(self.own[f])
         if finger.arm is not None:
-            first = self.task.scene.template.contacts[pair][0] == finger.carrier.body
-            sign = 1.0 if first else -1.0
-            wanted = Reach(pair, sign, finger.body, point, normal, self.task.size, self.closed)
-            to = reached if finger.contacts == 1 else laid
-            posed = to(self.around, finger.arm, q, wanted)
-            return first_free(self.around, posed, wanted, self.avoided, self.apart)
+            wanted = self._reach(f, point, normal)
+            if finger.contacts > 1:
+                posed = laid(self.around, finger.arm, q, wanted)
+                return first_free(self.around, posed, wanted, self.avoided, self.kept_apart)
+            earlier = self._earlier.setdefault(f, Earlier(self.task.size))
+            redundant = finger.arm if finger.is_redundant else None
+            posed = reached(
+                self.around, finger.arm, q, wanted, earlier.nearest(point, normal) if redundant else ()
+            )
+            place = first_free(self.around, posed, wanted, self.avoided, self.kept_apart, redundant)
+            if place is not None and redundant:
+                earlier.note(point, normal, finger.drives(place))
+            return place
         found[finger.columns] = point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
             gap = self.around.touches(found, 0.0).least[pair]
@@ -344,7 +368,7 @@ class Ground:
             own = rows[:, finger.moved] @ finger.rates(q)
             along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=DEPENDENT)[0]
             if finger.arm is not None:
-                along += to_posture(finger.arm, q, own)
+                along += to_posture(finger.arm, q, own, finger.arm.posture)
             q = finger.put(q, finger.drives(q) + along)
         return q
 
@@ -368,7 +392,27 @@ class Ground:
                     normals = seen.touches.rows[own, 0][:, finger.moved] @ finger.rates(q)
                     closing = np.linalg.lstsq(normals, -seen.touches.gaps[own], rcond=DEPENDENT)[0]
                     q = finger.put(q, finger.drives(q) + closing)
-        return self.look(q)
+        return self._cleared(self.look(q), used)
+
+    def _cleared(self, seen: Seen, used: Ints) -> Seen:
+        """What touches where arms that have joints to spare keep away from what they avoid."""
+        q = seen.q
+        for f, finger in enumerate(self.fingers):
+            near = seen.touches.least[self.avoided] < self.kept_apart
+            if not used[f] or seen.held[f] < 0 or not finger.is_redundant or not near.any():
+                continue
+            assert finger.arm is not None
+            point, normal = seen.touches.points[seen.held[f]], seen.touches.normals[seen.held[f]]
+            wanted = self._reach(f, point, normal)
+            q = cleared(self.around, finger.arm, q, wanted, self.avoided, self.kept_apart)
+            seen = self.look(q)
+        return seen
+
+    def _reach(self, f: int, point: Reals, normal: Reals) -> Reach:
+        """What a finger is to touch at a point (d,) with this outward normal (d,)."""
+        finger, pair = self.fingers[f], int(self.own[f])
+        first = self.task.scene.template.contacts[pair][0] == finger.carrier.body
+        return Reach(pair, 1.0 if first else -1.0, finger.body, point, normal, self.task.size, self.closed)
 
     def touched(self, seen: Seen, f: int) -> list[int]:
         """The contacts at which a finger touches the object: the nearest one, or all closed ones of a finger

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from rungwise.kernel import Reals
-from rungwise.planning.modes.ground import DEPENDENT, Ground
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.ground import DEPENDENT, Ground, Seen
 from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
 
 CLEAR = 0.02
@@ -19,6 +19,9 @@ APART = 0.5
 ROOM, TURNS = 3.0, 0.5
 """Room about start and goal for the way, in parts of the size, and for turns, in parts of the way of points
 that are so far from the centre."""
+OFF = 0.05
+"""How far an object that keeps contacts is raised off these, in parts of the size, to tell what else is in
+its way."""
 RAISED, LOOKS = 0.1, 24
 """How far, in parts of the size, an object is lifted off what it touches before it goes through the air; and
 places on the straight way at which it may not overlap anything."""
@@ -71,11 +74,11 @@ def _along_contacts(
     change = ground.off(q, goal)
     if np.linalg.norm(change - change @ basis.T @ basis) > CLEAR * size or not len(basis):
         return None
-    others = np.setdiff1d(ground.pairs, seen.touches.pairs[seen.closed])
+    others, up = _beside(ground, seen, normals)
 
-    def place(steps: Reals) -> Reals:
+    def place(steps: Reals, off: Reals = up) -> Reals:
         whole = np.zeros(len(ground.around.owners))
-        whole[ground.columns] = steps @ basis / ground.units
+        whole[ground.columns] = (steps @ basis + off) / ground.units
         return ground.around.changed(q, whole)
 
     ends = np.stack([np.zeros(len(basis)), basis @ change])
@@ -97,7 +100,18 @@ def _along_contacts(
     )  # fmt: skip
     if way is None:
         return None
-    return _dense(ground, np.array([place(steps) for steps in shortened(way, is_free)]))
+    return _dense(ground, np.array([place(steps, 0.0 * up) for steps in shortened(way, is_free)]))
+
+
+def _beside(ground: Ground, seen: Seen, normals: Reals) -> tuple[Ints, Reals]:
+    """The scene's contacts (p,) that an object which keeps its closed ones, with these normals (r, k), is to
+    keep clear of, and how far it is raised off the closed ones (k,), over units, to tell: their bodies may be
+    in the way elsewhere, as a post that stands on the floor. Those from which it cannot be raised are left
+    out."""
+    up = np.linalg.lstsq(normals, np.full(len(normals), OFF * ground.task.size), rcond=DEPENDENT)[0]
+    opens = normals @ up > CLEAR * ground.task.size
+    held = seen.touches.pairs[seen.closed[~opens]]
+    return np.setdiff1d(ground.pairs, held), up if opens.any() else 0.0 * up
 
 
 def _lifted(

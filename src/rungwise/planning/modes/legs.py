@@ -22,8 +22,9 @@ LEAVE, TRANSIT, HOLD, LIFT, LOWER = "leave", "transit", "hold", "lift", "lower"
 """Labels of segments, beside those in `search.layout`."""
 STRAIGHT = 1e-3
 """How far, in parts of the size, aims between two rows may be off the straight line between these."""
-HELD = 0.1
-"""How long objects are held at the end of a leg, in parts of the time that a finger takes for their size."""
+HELD, LAGS = 0.1, 3.0
+"""How long objects are held at the end of a leg at least: in parts of the time that a finger takes for their
+size, and in times by which its servos lag behind their targets."""
 BACK = (1.0, 0.5)
 """Parts of their clearance by which fingers draw back, the first that fits."""
 
@@ -69,7 +70,8 @@ class Writer:
         self._follow(leg)
         last = self._rows[-1].aims if self._rows else self._aims
         speed = max(finger.carrier.speed for finger in ground.fingers)
-        self._rows.append(Row(last, HELD * ground.task.size / speed, HOLD))
+        lag = max(finger.carrier.servos.lag for finger in ground.fingers)
+        self._rows.append(Row(last, max(HELD * ground.task.size / speed, LAGS * lag), HOLD))
         return self._written(aims, levels)
 
     def aimed(self, q: Reals, pushes: Reals) -> Reals:
@@ -159,12 +161,9 @@ class Writer:
         for part in BACK:
             back = part * finger.carrier.clearance * normal / float(normal @ normal)
             found = finger.put(q, finger.drives(q) + back)
-            if finger.reaches(found, ground.around):
-                least = ground.look(found).touches.least
-                names = ground.task.scene.template.contacts
-                own = [k for k, pair in enumerate(names) if finger.carrier.body in pair]
-                if least[own].min(initial=np.inf) > 0.0:
-                    return found
+            least = ground.around.least(found, ground.contacts_of(f))
+            if least.min(initial=np.inf) > 0.0 and finger.reaches(found, ground.around):
+                return found
         return None
 
     def _before_touch(self, leg: Leg, now: Reals) -> Reals | None:

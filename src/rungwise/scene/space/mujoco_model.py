@@ -72,9 +72,13 @@ def read_spec(path: Path) -> mujoco.MjSpec:
     """The specification in a file. Raises SceneError with the parser's message."""
     mujoco = library()
     try:
-        text = path.read_text() if path.suffix.lower() == ".urdf" else ""
-        placed = with_places(text, path)
-        return mujoco.MjSpec.from_file(str(path)) if placed is None else mujoco.MjSpec.from_string(placed)
+        errors = "strict" if path.suffix.lower() == ".urdf" else "ignore"
+        placed = with_places(path.read_text(errors=errors), path)
+        if placed is None:
+            return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_string(placed)
+        spec.modelfiledir = str(path.parent.resolve())
+        return spec
     except (ValueError, RuntimeError, OSError, UnicodeDecodeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
 

@@ -1,6 +1,6 @@
-"""Files that a URDF names by the package that brings them, ``package://NAME/path``: where they lie.
+"""Files that a model names by the package that brings them, ``package://NAME/path``: where they lie.
 
-They are looked for beside the URDF and in the folders above it, in the folders of ROS_PACKAGE_PATH and of
+They are looked for beside the model and in the folders above it, in the folders of ROS_PACKAGE_PATH and of
 AMENT_PREFIX_PATH, and in installed packages of Python.
 Files of meshes and textures are named by their whole paths where a model is written anywhere else.
 """
@@ -24,11 +24,16 @@ if TYPE_CHECKING:
 NAMED = re.compile(
     r"""(?P<quote>["'])(?:package|model):/{2,3}(?P<package>[^/"']+)/(?P<inner>[^"']+)(?P=quote)"""
 )
-FILE = re.compile(r"""\bfilename\s*=\s*(?P<quote>["'])(?P<name>[^"':]+)(?P=quote)""")
+OF_URDF = re.compile(r"""(?P<tag>\bfilename\s*=\s*)(?P<quote>["'])(?P<name>[^"':]+)(?P=quote)""")
+OF_MJCF = re.compile(
+    r"""(?P<tag>\b(?:mesh|texture|asset)dir\s*=\s*|<(?:include|model)\b[^<>]*?\bfile\s*=\s*)"""
+    r"""(?P<quote>["'])(?P<name>[^"':]+)(?P=quote)"""
+)
+"""Where a URDF, and a model of MuJoCo's, names files and folders beside itself."""
 
 
 def with_places(text: str, path: Path) -> str | None:
-    """The text of a URDF at `path` with the places of its files in place of packages; None where it names no
+    """The text of a model at `path` with the places of its files in place of packages; None where it names no
     package. Raises SceneError for a file that is nowhere."""
     if not NAMED.search(text):
         return None
@@ -40,9 +45,10 @@ def with_places(text: str, path: Path) -> str | None:
 
     def beside(found: re.Match[str]) -> str:
         own = path.parent.resolve() / found["name"]
-        return f"filename={found['quote']}{own}{found['quote']}" if own.is_file() else found[0]
+        return f"{found['tag']}{found['quote']}{own}{found['quote']}" if own.exists() else found[0]
 
-    return NAMED.sub(placed, FILE.sub(beside, text))
+    files = OF_URDF if path.suffix.lower() == ".urdf" else OF_MJCF
+    return NAMED.sub(placed, files.sub(beside, text))
 
 
 def in_package(inner: str, name: str, path: Path, field: str) -> Path:
@@ -50,7 +56,7 @@ def in_package(inner: str, name: str, path: Path, field: str) -> Path:
     it is nowhere."""
     package, _, rest = inner.partition("/")
     for folder in _folders(package, path):
-        if (folder / rest).is_file():
+        if (folder / rest).exists():
             return folder / rest
     raise SceneError(
         f"{field}: {shown(name)} is no file beside it or above it, in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, or"

@@ -45,12 +45,11 @@ def driven(scene: Scene, name: str, bound: Bound, path: str) -> Driven:
         raise TaskError(f"{path}: {_wanted(name, chain, len(chains))}")
     signs = np.array([held.sign for held in chain] or [1.0] * k)
     reaches = bound.records.shapes["reach"][bound.records.shapes["body"] == number]
-    servos = Servos(
-        *(
-            np.array([float(row[field][0]) if by_place else np.inf for row in rows])
-            for field in ("stiffness", "limit")
-        )
+    stiffness, limit = (
+        np.array([float(row[field][0]) if by_place else np.inf for row in rows])
+        for field in ("stiffness", "limit")
     )
+    servos = Servos(stiffness, limit)
     return Driven(
         body=name, places=(x, x + 1), columns=tuple(columns),
         led=Linear(signs[:, None] * matrix, signs * zero), by_place=by_place, servos=servos,

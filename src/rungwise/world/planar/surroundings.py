@@ -116,6 +116,9 @@ class PlanarSurroundings:
             found[:, k, columns] = np.column_stack([way, turning])
         return found
 
+    def moved_by(self, columns: Ints) -> Ints:
+        return np.unique(self.owners[columns])
+
     def touches(self, q: Reals, within: float) -> Touches:
         return self._touches(q, within, -1)
 

@@ -14,6 +14,10 @@ def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: fl
     """How inputs place a body by its joints. Raises TaskError, at the path, where they do not drive these."""
     joints = joints_of(bound.model, scene.template.bodies.index(name))
     matrix, zero, by_place = _followed_in_space(scene, joints, bound)
+    led = np.abs(matrix).any(axis=1) | ~np.isfinite(zero)
+    if by_place and led.any():
+        joints = [joint for joint, own in zip(joints, led.tolist(), strict=True) if own]
+        matrix, zero = matrix[led], zero[led]
     columns = np.flatnonzero(np.abs(matrix).any(axis=0)).tolist()
     matrix = matrix[:, columns]
     k = len(joints)
@@ -61,7 +65,10 @@ def _servos(bound: SpaceBound, joints: list[int]) -> Servos:
     actuators = {int(model.actuator_trnid[a, 0]): (s, a) for s, a in enumerate(own.servos.tolist())}
     rows = [(s, a, float(model.actuator_gear[a, 0])) for s, a in (actuators[joint] for joint in joints)]
     stiffness = np.array([own.gains[s, 0] * gear**2 for s, _, gear in rows])
-    return Servos(stiffness, np.array([own.limit[a] * abs(gear) for _, a, gear in rows]))
+    damping = np.array([own.gains[s, 1] * gear**2 for s, _, gear in rows])
+    damping += bound.model.dof_damping[bound.model.jnt_dofadr[joints]]
+    limit = np.array([own.limit[a] * abs(gear) for _, a, gear in rows])
+    return Servos(stiffness, limit, float((damping / stiffness).max()))
 
 
 def _followed_in_space(scene: SpaceScene, joints: list[int], bound: SpaceBound) -> tuple[Reals, Reals, bool]:

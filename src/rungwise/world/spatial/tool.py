@@ -13,7 +13,6 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space.laws import touching
-from rungwise.system.spatial.drives import joints_of
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT
@@ -50,11 +49,8 @@ class JointTool:
         m = self._model = room.model
         self._data, names = mujoco.MjData(m), list(room.names)
         self._body, self._columns = names.index(carrier.body), list(carrier.places)
-        joints = joints_of(m, self._body)
-        self.changes = m.jnt_dofadr[joints]
-        limited = m.jnt_limited[joints].astype(bool)
-        self._low = np.where(limited, m.jnt_range[joints, 0], -np.inf)
-        self._high = np.where(limited, m.jnt_range[joints, 1], np.inf)
+        self.changes = np.array(carrier.rates, np.int64)
+        self._low, self._high = carrier.travel
         self._pairs = [
             (a + b - self._body, pairs)
             for (a, b), pairs in room.geoms.items()

@@ -44,6 +44,10 @@ class Chain(Protocol):
         """The joints (k,) near which they stay where they may move without moving what touches; None where
         that is left open."""
 
+    @property
+    def home(self) -> Reals:
+        """The joints (k,) at the start."""
+
     def joints(self, q: Reals) -> Reals:
         """The joints (k,) at a place (n_q,)."""
 
@@ -63,6 +67,7 @@ class Joints:
     units: Reals
     hinges: Flags
     bounds: tuple[Reals, Reals]
+    home: Reals
     posture: None = None
 
     def joints(self, q: Reals) -> Reals:
@@ -109,9 +114,14 @@ class Arm:
         return np.ones(len(self.links), bool)
 
     @property
-    def posture(self) -> Reals:
+    def home(self) -> Reals:
         """Where the joints (k,) are at the start."""
         return np.zeros(len(self.links))
+
+    @property
+    def posture(self) -> Reals:
+        """As at the start (k,)."""
+        return self.home
 
     @property
     def bounds(self) -> tuple[Reals, Reals]:
@@ -174,6 +184,7 @@ def chain_of(task: Task, driven: Driven) -> Chain | None:
         np.array(driven.rates, np.int64), np.array(driven.places, np.int64),
         np.where(driven.slides, task.size, 1.0), ~np.array(driven.slides),
         (driven.travel[0], driven.travel[1]),
+        np.asarray(world_of(task.scene).at(task.parameters).q)[list(driven.places)],
     )  # fmt: skip
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Reals
 from rungwise.planning.modes.joints.chains import Chain
 from rungwise.world.carriers import Surroundings, frame_of
 
 BEGUN = (0.25, 0.75, 0.5)
 """Parts of the ranges of joints from which places of arms are sought; of every other joint, what is left."""
+ROLLS = (0.0, 0.5 * math.pi, -0.5 * math.pi)
+"""Turns of an arm's last hinge, from its home, from which places in space are sought as well."""
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a hinge in one, in radians; damping, in parts
 of the size."""
@@ -30,9 +32,10 @@ STILL = 1e-7
 """Change of joints in a step below which they go no farther."""
 EXACT = 1e-3
 """Gap, in parts of those that count as closed, that is left where an arm touches, and after correction."""
-AHEAD, MIDDLE = 0.2, 60
-"""How far before a point, in parts of the size, an arm in space is led at first; and places on its last body
-whose mean is its middle."""
+AHEAD, MIDDLE, OUTER = 0.2, 60, 0.8
+"""How far before a point, in parts of the size, an arm in space is led at first; places on its last body
+whose mean is its middle; and distance from the body's origin, over the greatest, from which on they are its
+outer end."""
 
 BEFORE, FLAT = 0.05, 1e-4
 """How far before a point, in parts of the size, a flat side is led at first, and how near it comes there."""
@@ -55,36 +58,18 @@ class Reach(NamedTuple):
     exact: float
 
 
-def first_free(
-    around: Surroundings, posed: Iterable[Reals], wanted: Reach, avoided: Ints, apart: float
-) -> Reals | None:  # fmt: skip
-    """Of places (n,) with an arm that touches an object as wanted, the first at which the scene's contacts
-    that are avoided (a,) keep this gap, else the first; None where there is none."""
-    first = None
-    for found in posed:
-        least = around.touches(found, 0.0).least
-        if not least[wanted.pair] < wanted.exact:
-            continue
-        if least[avoided].min(initial=math.inf) >= apart:
-            return found
-        first = found if first is None else first
-    return first
-
-
-def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[Reals]:
+def reached(
+    around: Surroundings, arm: Chain, q: Reals, wanted: Reach, first: Sequence[Reals] = ()
+) -> Iterator[Reals]:
     """Places (n,) with an arm that touches an object at a point, or elsewhere on the line along the normal,
     which come last: damped least squares on its joints (Nakamura and Hanafusa 1986), from where they are and
-    from others; in the plane also from before the point."""
-    low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
-    odd = np.arange(len(low)) % 2
-    others = BEGUN if arm.hinges.any() else ()
-    begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in others)]
-    in_space, elsewhere = len(wanted.point) == 3, list[Reals]()
+    from others, of which some (k,) come first; in the plane also from before the point."""
+    begun, in_space, elsewhere = [*first, *_begins(arm, q)], len(wanted.point) == 3, list[Reals]()
     for k, joints in enumerate(begun if in_space else [*begun[:1], *begun]):
-        found = arm.posed(q, joints)
+        found, posture = arm.posed(q, joints), joints if in_space else arm.posture
         if in_space or k == 1:
-            found = _led(around, arm, found, wanted)
-        found, off = _touching(around, arm, found, wanted)
+            found = _led(around, arm, found, wanted, posture)
+        found, off = _touching(around, arm, found, wanted, posture)
         if np.abs(off).max() < wanted.exact:
             if in_space or _is_at(around, found, wanted):
                 yield found
@@ -95,7 +80,25 @@ def reached(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterat
     yield from elsewhere
 
 
-def _touching(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> tuple[Reals, Reals]:
+def _begins(arm: Chain, q: Reals) -> list[Reals]:
+    """Joints (k,) from which places of an arm are sought: those at q (n,); in space, where an arm has more
+    than touching takes, those of its home, its last hinge turned besides; and others in their ranges."""
+    low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
+    odd, found = np.arange(len(low)) % 2, [arm.joints(q)]
+    if arm.posture is None and len(low) > 3 and arm.hinges[-1]:
+        for roll in ROLLS:
+            joints = arm.home.copy()
+            joints[-1] += roll
+            if low[-1] <= joints[-1] <= high[-1]:
+                found.append(joints)
+        return found
+    others = BEGUN if arm.hinges.any() else ()
+    return [*found, *(low + np.abs(odd - part) * (high - low) for part in others)]
+
+
+def _touching(
+    around: Surroundings, arm: Chain, q: Reals, wanted: Reach, posture: Reals | None
+) -> tuple[Reals, Reals]:
     """The place (n,) with an arm that is led until it touches on the line along the normal, and what is left:
     the gap, and the distance from that line."""
     off, left = np.full(1, np.inf), list[float]()
@@ -108,7 +111,7 @@ def _touching(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> tupl
             break
         own = near.rows[:, arm.columns] @ arm.rates(q)
         own[1:] *= wanted.sign
-        before, q = q, _stepped(arm, q, own, -off, wanted.size, left[-1] > wanted.exact)
+        before, q = q, stepped(arm, q, own, -off, wanted.size, posture if left[-1] > wanted.exact else None)
         if np.abs(q - before).max() < STILL:
             break
     return q, off
@@ -128,16 +131,18 @@ def _closed(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
         if abs(near.gap) < EXACT * wanted.exact:
             break
         own = near.rows[:1, arm.columns] @ arm.rates(q)
-        q = _stepped(arm, q, own, np.array([-near.gap]), wanted.size)
+        q = stepped(arm, q, own, np.array([-near.gap]), wanted.size, arm.posture)
     return q
 
 
-def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
-    """The place (n,) with the middle of an arm's last body before the point that it is to touch, as near as
-    its joints bring it."""
+def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach, posture: Reals | None) -> Reals:
+    """The place (n,) with the outer end of an arm's last body before the point that it is to touch, as near
+    as its joints bring it."""
     surface, _ = around.outline(wanted.body)(np.arange(0.5, MIDDLE) / MIDDLE)
-    tip = surface.mean(axis=0)
-    far = float(np.linalg.norm(surface - tip, axis=1).max()) + AHEAD * wanted.size
+    away = np.linalg.norm(surface, axis=1)
+    end = surface[away >= OUTER * away.max()]
+    tip = end.mean(axis=0)
+    far = float(np.linalg.norm(end - tip, axis=1).max()) + AHEAD * wanted.size
     goal, basis = wanted.point + far * wanted.normal, np.eye(len(tip))
     for _ in range(REACHES):
         centre, turn = frame_of(around.poses(q)[wanted.body])
@@ -145,21 +150,20 @@ def _led(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Reals:
         if np.linalg.norm(off) < AHEAD * wanted.size:
             break
         slope = around.rows(q, wanted.body, np.repeat(tip[None], len(tip), axis=0), basis)[:, 0]
-        before, q = q, _stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size)
+        before, q = q, stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size, posture)
         if np.abs(q - before).max() < STILL:
             break
     return q
 
 
-def _stepped(
-    arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float, postured: bool = True
+def stepped(
+    arm: Chain, q: Reals, slope: Reals, wanted: Reals, size: float, posture: Reals | None
 ) -> Reals:  # fmt: skip
-    """The place (n,) after a damped step of the joints, of which none goes far, and which leads them to their
-    posture where that is asked."""
+    """The place (n,) after a damped step of the joints, of which none goes far, and which leads them to a
+    posture (k,), if there is one."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
     step = damped(slope, wanted, size)
-    if postured:
-        step += to_posture(arm, q, slope)
+    step += to_posture(arm, q, slope, posture)
     return arm.posed(q, np.clip(arm.joints(q) + no_leap(arm, step), low, high))
 
 
@@ -208,7 +212,8 @@ def _faced(
         if np.abs(off).max() < FLAT * wanted.size:
             return q
         slope = around.rows(q, wanted.body, every, basis)[:, 0]
-        before, q = q, _stepped(arm, q, slope[:, arm.columns] @ arm.rates(q), off, wanted.size)
+        own = slope[:, arm.columns] @ arm.rates(q)
+        before, q = q, stepped(arm, q, own, off, wanted.size, arm.posture)
         if np.abs(q - before).max() < STILL:
             break
     return None
@@ -234,12 +239,13 @@ def sides_of(around: Surroundings, body: int) -> list[tuple[Reals, Reals]]:
     return [(middle, normal) for count, middle, normal in found if count >= NEARLY * largest]
 
 
-def to_posture(arm: Chain, q: Reals, slope: Reals) -> Reals:
-    """The change (k,) of the joints towards their posture that leaves alone what moves by `slope` (r, k) per
+def to_posture(arm: Chain, q: Reals, slope: Reals, posture: Reals | None) -> Reals:
+    """The change (k,) of the joints towards a posture (k,), if there is one, that leaves alone
+    what moves by `slope` (r, k) per
     joint (Liegeois 1977); none where there are no more joints than that takes."""
-    if arm.posture is None or len(slope) >= slope.shape[1]:
+    if posture is None or len(slope) >= slope.shape[1]:
         return np.zeros(slope.shape[1])
-    wanted = POSTURE * (arm.posture - arm.joints(q))
+    wanted = POSTURE * (posture - arm.joints(q))
     square = slope @ slope.T
     square += RANK * float(np.trace(square)) * np.eye(len(slope))
     return np.asarray(wanted - slope.T @ np.linalg.solve(square, slope @ wanted))

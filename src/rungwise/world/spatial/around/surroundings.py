@@ -46,15 +46,17 @@ class SpatialSurroundings:
             self.placed[m.jnt_qposadr[j] : m.jnt_qposadr[j] + width] = m.jnt_bodyid[j]
         names = list(scene.template.bodies)
         pairs = [(names.index(a), names.index(b)) for a, b in scene.template.contacts]
-        self._pairs = {}
+        self._ids = np.full((self._bodies, self._bodies), -1)
+        self._signs = np.ones((self._bodies, self._bodies))
         for k, (a, b) in enumerate(pairs):
-            self._pairs[a, b], self._pairs[b, a] = (k, 1.0), (k, -1.0)
+            self._ids[a, b] = self._ids[b, a] = k
+            self._signs[b, a] = -1.0
         self._first = [a for a, _ in pairs]
         self._geoms: list[list[tuple[int, int]]] = [[] for _ in pairs]
         for g, h in touching_pairs(m).tolist():
-            both = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
-            if both in self._pairs:
-                self._geoms[self._pairs[both][0]].append((g, h))
+            pair = int(self._ids[m.geom_bodyid[g], m.geom_bodyid[h]])
+            if pair >= 0:
+                self._geoms[pair].append((g, h))
         self.tangents = 3 if self._has_torsion() else 2
         self._far = 10.0 * float(m.stat.extent)
         self._outlines: dict[int, Outline] = {}
@@ -65,6 +67,13 @@ class SpatialSurroundings:
         dims = [int(max(m.geom_condim[g], m.geom_condim[h])) for own in self._geoms for g, h in own]
         return max([*dims, *m.pair_dim.tolist()], default=0) > 3
 
+    def moved_by(self, columns: Ints) -> Ints:
+        m, moves = self._model, np.zeros(self._model.nbody, bool)
+        moves[self.owners[columns]] = True
+        for body in range(1, m.nbody):
+            moves[body] |= moves[m.body_parentid[body]]
+        return np.flatnonzero(moves)
+
     def touches(self, q: Reals, within: float) -> Touches:
         space, m = self._space, self._model
         if space.margin < within or space.margin > 4.0 * within:
@@ -74,67 +83,50 @@ class SpatialSurroundings:
         jacobian = np.zeros((d.nefc, m.nv))
         if d.nefc:
             self._mujoco.mju_sparse2dense(jacobian, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
-        least = np.full(len(self._first), space.margin)
-        kept, contact = list[int](), d.contact
-        bodies = m.geom_bodyid[contact.geom].reshape(-1, 2).tolist()
-        ids, signs = np.full(d.ncon, -1), np.ones(d.ncon)
-        for c, (gap, both, row) in enumerate(
-            zip(contact.dist.tolist(), bodies, contact.efc_address.tolist(), strict=True)
-        ):
-            found = self._pairs.get((both[0], both[1]))
-            if found is None or row < 0:
-                continue
-            ids[c], signs[c] = found
-            least[found[0]] = min(least[found[0]], gap)
-            if gap < within:
-                kept.append(c)
-        rows = np.zeros((len(kept), 1 + self.tangents, m.nv))
-        for k, c in enumerate(kept):
-            width, row = min(int(contact.dim[c]), 1 + self.tangents), int(contact.efc_address[c])
-            rows[k, :width] = jacobian[row : row + width]
-            if width > 3:
-                rows[k, 3] *= self._twists(c)
+        least, contact = np.full(len(self._first), space.margin), d.contact
+        bodies, gaps, address = m.geom_bodyid[contact.geom].reshape(-1, 2), contact.dist, contact.efc_address
+        ids, signs = self._ids[bodies[:, 0], bodies[:, 1]], self._signs[bodies[:, 0], bodies[:, 1]]
+        known = (ids >= 0) & (address >= 0)
+        np.minimum.at(least, ids[known], gaps[known])
+        kept = np.flatnonzero(known & (gaps < within))
+        width = np.arange(1 + self.tangents)
+        own = np.minimum(address[kept][:, None] + width, max(d.nefc - 1, 0))
+        rows = jacobian[own] * (width < contact.dim[kept][:, None])[:, :, None]
+        frictions, twists = self._frictions(kept)
+        rows[:, 3:] *= twists[:, None, None]
         normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
         points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
         some = _spread(owners, points, normals)
-        picked = np.array(kept, np.int64)[some]
+        picked = kept[some]
         return Touches(
             pairs=owners[some], features=self._features(picked), gaps=contact.dist[picked].copy(),
             points=points[some].copy(), normals=normals[some], rows=rows[some],
-            friction=np.array([self._friction(int(c)) for c in picked]), least=least,
+            friction=frictions[some], least=least,
             poses=np.hstack([d.xpos, d.xquat]), loads=self._loads(d),
             supports=Surfaces(np.zeros((0, m.nv)), np.zeros(0)),
         )  # fmt: skip
 
     def _features(self, contacts: Ints) -> Ints:
         """Numbers (k,) of contacts: of their two geoms, and of the cell of one of them in which they are."""
-        d, m, found = self._space.data, self._model, np.zeros(len(contacts), np.int64)
-        for k, c in enumerate(contacts.tolist()):
-            g, h = d.contact.geom[c].tolist()
-            own = h if m.body_weldid[m.geom_bodyid[g]] == 0 else g
-            turn = d.geom_xmat[own].reshape(3, 3)
-            half = np.where(m.geom_aabb[own, 3:] > 0.0, m.geom_aabb[own, 3:], 1.0)
-            at = ((d.contact.pos[c] - d.geom_xpos[own]) @ turn - m.geom_aabb[own, :3]) / half
-            cell = (at > CELLS).astype(np.int64) - (at < -CELLS)
-            found[k] = (g * m.ngeom + h) * 27 + int((cell + 1) @ (1, 3, 9))
-        return found
+        d, m = self._space.data, self._model
+        g, h = d.contact.geom[contacts].reshape(-1, 2).T.astype(np.int64)
+        own = np.where(m.body_weldid[m.geom_bodyid[g]] == 0, h, g)
+        half = np.where(m.geom_aabb[own, 3:] > 0.0, m.geom_aabb[own, 3:], 1.0)
+        way = (d.contact.pos[contacts].reshape(-1, 3) - d.geom_xpos[own])[:, None]
+        at = ((way @ d.geom_xmat[own].reshape(-1, 3, 3))[:, 0] - m.geom_aabb[own, :3]) / half
+        cell = (at > CELLS).astype(np.int64) - (at < -CELLS)
+        return np.asarray((g * m.ngeom + h) * 27 + (cell + 1) @ np.array([1, 3, 9]))
 
-    def _friction(self, c: int) -> float:
-        """Sliding friction of a contact: of its law, else the model's."""
+    def _frictions(self, contacts: Ints) -> tuple[Reals, Reals]:
+        """Sliding friction of contacts (k,), of their laws, else the model's; and torsional over sliding
+        friction, as lengths (k,)."""
         contact, laws = self._space.data.contact, self._space.laws
-        if contact.dim[c] < 3:
-            return 0.0
-        own = laws.rows[laws.law[tuple(contact.geom[c])], 5]
-        return float(contact.friction[c, 0] if math.isnan(own) else own)
-
-    def _twists(self, c: int) -> float:
-        """Torsional over sliding friction of a contact, as a length."""
-        contact, laws = self._space.data.contact, self._space.laws
-        row, slides = laws.rows[laws.law[tuple(contact.geom[c])]], self._friction(c)
-        if not slides > 0.0:
-            return 0.0
-        own = contact.friction[c, 2] / contact.friction[c, 0]
-        return float(own if math.isnan(row[6]) else row[6] / slides)
+        geoms, model = contact.geom[contacts].reshape(-1, 2), contact.friction[contacts].reshape(-1, 5)
+        own = laws.rows[laws.law[geoms[:, 0], geoms[:, 1]]]
+        slides = np.where(np.isnan(own[:, 5]), model[:, 0], own[:, 5])
+        slides = np.where(contact.dim[contacts] < 3, 0.0, slides)
+        twists = np.where(np.isnan(own[:, 6]), model[:, 2] / _some(model[:, 0]), own[:, 6] / _some(slides))
+        return slides, np.where(slides > 0.0, twists, 0.0)
 
     def near(self, q: Reals, pair: int) -> Near:
         m, d = self._model, self._placed(q)
@@ -267,17 +259,16 @@ def across(normal: Reals) -> tuple[Reals, Reals]:
 def _spread(pairs: Ints, points: Reals, normals: Reals) -> Ints:
     """Of contacts (k,), at most so many of one pair of bodies with the same normal: two far apart, and on
     either side the one farthest from the line through both, so that what they support stands as on all."""
-    kept, left = list[int](), list(range(len(pairs)))
-    while left:
-        first = left[0]
-        alike = [
-            k for k in left
-            if pairs[k] == pairs[first] and float(np.abs(normals[k] - normals[first]).max()) < ALONG
-        ]  # fmt: skip
-        left = [k for k in left if k not in alike]
-        if len(alike) > MOST:
-            alike = [alike[k] for k in _widest(points[alike], normals[first])]
-        kept += alike
+    kept, left = list[int](), np.ones(len(pairs), bool)
+    while left.any():
+        first = int(left.argmax())
+        same = np.abs(normals - normals[first]).max(axis=1) < ALONG
+        alike = np.flatnonzero(left & (pairs == pairs[first]) & same)
+        left[alike] = False
+        own = alike.tolist()
+        if len(own) > MOST:
+            own = [own[k] for k in _widest(points[alike], normals[first])]
+        kept += own
     return np.array(sorted(kept), np.int64)
 
 
@@ -286,5 +277,11 @@ def _widest(points: Reals, normal: Reals) -> list[int]:
     first = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
     ways = points - points[first]
     second = int(np.linalg.norm(ways, axis=1).argmax())
-    aside = np.cross(ways[second], ways) @ normal
+    (a, b, c), (x, y, z) = normal.tolist(), ways[second].tolist()
+    aside = ways @ np.array([b * z - c * y, c * x - a * z, a * y - b * x])
     return sorted({first, second, int(aside.argmax()), int(aside.argmin())})
+
+
+def _some(frictions: Reals) -> Reals:
+    """Frictions (k,) with 1 in place of none, to divide by."""
+    return np.where(frictions > 0.0, frictions, 1.0)
