@@ -19,7 +19,7 @@ import rungwise.gym
 from rungwise.errors import InputError
 from rungwise.gym import SceneEnv, Transition, make
 from rungwise.gym.registration import SCENES
-from rungwise.scene.space.read import file_of, shipped_in_space
+from rungwise.scene.space.read import shipped_in_space
 
 from .episodes import check_uninterrupted, played, same
 
@@ -47,7 +47,7 @@ def test_each_shipped_scene_with_inputs_is_registered_on_each_rung_that_moves() 
     assert {name for name in gymnasium.registry if name.startswith("rungwise/")} == expected | {
         "rungwise/Scene-v0"
     }
-    in_space = {name: file_of(name) for name in shipped_in_space()}
+    in_space = {name: rw.load(name).file for name in shipped_in_space()}
     assert set(SCENES) == {name for name in rw.shipped() if rw.load(name).template.inputs} | {
         name for name, file in in_space.items() if file.inputs and file.goal
     }
