@@ -815,13 +815,19 @@ def completed(words: str) -> list[str]:
         ("rungwise sim two_f", ["two_finger", "two_finger_free", "two_finger_servo"]),
         ("rungwise check sta", ["stack"]),
         ("rungwise sim push --model quasi", ["quasistatic-rigid", "quasistatic-compliant"]),
-        ("rungwise sim two_finger --model kinematic --set sti", ["stiffness"]),
+        ("rungwise sim two_finger --model kinematic --set mu=0.1 --set sti", ["stiffness"]),
+        ("rungwise view two_finger --set sti", ["stiffness"]),
+        ("rungwise sim --set sti", []),
         ("rungwise sets two_finger --model kinematic --over v1,v", ["v1,v1", "v1,v2"]),
         ("rungwise sim no_such_scene --set s", []),
     ],
 )
 def test_shells_complete_scenes_rungs_and_parameters(words: str, offered: list[str]) -> None:
     assert completed(words) == offered
+
+
+def test_shells_complete_parameters_of_the_scene_that_is_named_before() -> None:
+    assert completed("rungwise sim two_finger --model kinematic --set sti") == ["stiffness"]
 
 
 def test_every_scene_and_rung_can_be_completed() -> None:

@@ -52,8 +52,10 @@ def rungs(incomplete: str) -> list[str]:
 def parameters(context: typer.Context, incomplete: str) -> list[str]:
     """Names of the scene's parameters, for shells that complete words: the last of several."""
     before, comma, name = incomplete.rpartition(",")
+    # An option that still lacks its value ends parsing, and leaves positional words in `args`.
+    given = context.params.get("scene") or next(iter(context.params.get("sources") or context.args), "")
     try:
-        known = load_scene(str(context.params.get("scene"))).file.parameters
+        known = load_scene(str(given)).file.parameters
     except (ValueError, OSError):
         return []
     return [f"{before}{comma}{each}" for each in known if each.startswith(name)]
