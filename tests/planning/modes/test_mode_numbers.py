@@ -196,9 +196,10 @@ def _follows(
     seen = stub(q=np.zeros(3), closed=np.zeros(1, np.int64), touches=touches)
     ground = stub(
         task=stub(size=size), off=lambda _q, _to: np.array([far, 0.0, 0.0]), pushes=False,
-        weights=np.ones(3), around=stub(dimension=2, owners=np.zeros(3)), moved=lambda *_: None,
+        columns=np.arange(3), around=stub(dimension=2, owners=np.zeros(3)), moved=lambda *_: None,
         corrected=lambda *_: after,
     )  # fmt: skip
+    monkeypatch.setattr(follow, "weights_of", lambda _task, columns: np.ones(len(columns)))
     monkeypatch.setattr(follow, "motion", lambda *_: motion)
     monkeypatch.setattr(follow, "_stopped", lambda *_: "")
     monkeypatch.setattr(follow, "_runs_into", lambda *_: "")
@@ -283,10 +284,9 @@ def _arm(gap: Any) -> Any:
         carrier=stub(body="tip", columns=[0], clearance=0.02), units=np.ones(1), arm=None,
         bounds=(np.full(1, -2.0), np.full(1, 2.0)), drives=lambda q: q, put=lambda _q, drives: drives,
     )  # fmt: skip
-    scene = stub(template=stub(contacts=[("tip", "post")]))
+    scene = stub(template=stub(contacts=[("tip", "post")], bodies=["tip", "post"]))
     around = stub(least=lambda q, _own: np.array([gap(float(q[0]))]))
-    task, own = stub(scene=scene, size=0.1), np.zeros(1, np.int64)
-    return stub(fingers=[finger], around=around, task=task, contacts_of=lambda _f: own)
+    return stub(fingers=[finger], around=around, task=stub(scene=scene, size=0.1))
 
 
 def test_ways_of_arms_see_what_is_as_wide_as_a_finger(monkeypatch: pytest.MonkeyPatch) -> None:

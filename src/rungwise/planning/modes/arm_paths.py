@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.fingers import contacts_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
 from rungwise.planning.motion.transit import NEAR, over_objects
@@ -25,7 +26,8 @@ def arms_way(
     where no way was found. All else holds still; those that are raised pass over objects."""
     fingers = [ground.fingers[f] for f in moving]
     over = over_objects(ground.task, raised)
-    own = np.setdiff1d(np.concatenate([ground.contacts_of(int(f)) for f in moving]), list(over))
+    contacts = [contacts_of(finger, ground.task, ground.around) for finger in fingers]
+    own = np.setdiff1d(np.concatenate(contacts), list(over))
     units = np.concatenate([finger.units for finger in fingers])
     low = np.concatenate([_range(ground, int(f))[0] for f in moving])
     high = np.concatenate([_range(ground, int(f))[1] for f in moving])

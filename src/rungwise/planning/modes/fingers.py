@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -203,3 +204,37 @@ def are_apart(
                 if not (reach[f, 0, axis] <= place and place <= reach[f, 1, axis]):
                     return False
     return True
+
+
+def sort_contacts(
+    task: Task, around: Surroundings, fingers: Sequence[Finger], both: Sequence[int], aside: Collection[int]
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """The scene's contacts of an object (the first of `both`; the last is the one that it is to push) by who
+    touches: with each finger (f,), -1 where there is none; of both with what is no finger; of fingers, and of
+    links of their arms, with all else; and of these with objects that are pushed aside."""
+    names, body = list(task.scene.template.bodies), both[0]
+    touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
+    own, pairs, avoided, beyond = [-1] * len(fingers), list[int](), list[int](), list[int]()
+    links = {k for f in fingers if f.arm is not None for k in around.moved_by(f.arm.columns).tolist()}
+    for k, pair in enumerate(task.scene.template.contacts):
+        a, b = (names.index(name) for name in pair)
+        of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
+        if body in (a, b) and len(of_finger) == 1 and of_finger[0] in touching:
+            own[touching[of_finger[0]]] = k
+        elif {a, b} & set(aside):
+            beyond += [k] * bool(of_finger or links & {a, b})
+        elif of_finger or links & {a, b}:
+            avoided.append(k)
+        elif {a, b} & set(both):
+            pairs.append(k)
+    own_, pairs_, avoided_, beyond_ = (np.array(each, np.int64) for each in (own, pairs, avoided, beyond))
+    return own_, pairs_, avoided_, beyond_
+
+
+def contacts_of(finger: Finger, task: Task, around: Surroundings) -> Ints:
+    """The scene's contacts of a finger and of all that its joints move."""
+    names = task.scene.template.bodies
+    moved = [] if finger.arm is None else around.moved_by(finger.arm.columns).tolist()
+    bodies = {finger.carrier.body, *(names[body] for body in moved)}
+    pairs = task.scene.template.contacts
+    return np.array([k for k, pair in enumerate(pairs) if bodies & set(pair)], np.int64)

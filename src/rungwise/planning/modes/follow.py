@@ -10,6 +10,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.balance import motion
 from rungwise.planning.modes.forces.cones import PART, STICK
+from rungwise.planning.modes.frames import weights_of
 from rungwise.planning.modes.ground import Ground, Seen
 
 STEP, LONGEST = 0.04, 400
@@ -73,6 +74,7 @@ def follow(
     size, seen = ground.task.size, begun
     roles = _Roles([], [], np.zeros((0, ground.around.dimension)), []).then(seen, list(mode))
     places, pushes, why = [seen.q], list[Reals](), LENGTH
+    weights = weights_of(ground.task, ground.columns)
     for _ in range(LONGEST):
         look(1)
         want = ground.off(seen.q, target)
@@ -83,7 +85,7 @@ def follow(
         if found is None:
             why = BALANCE
             break
-        length = float(np.linalg.norm(found.change * ground.weights))
+        length = float(np.linalg.norm(found.change * weights))
         if length < 0.02 * float(np.linalg.norm(want)) or length < 0.1 * ARRIVED * size:
             why = STALLED
             break

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.task.task import Task
@@ -19,9 +20,10 @@ ROUND, AROUND = 1e-9, 240
 an outline are looked at, there and where those are sought that are opposite of others, or face alike."""
 
 
-class Turned(Protocol):
-    """What draws of an object in space know of it: its task and surroundings, its columns of velocities (k,),
-    of coordinates (p,), and of quaternions (r, 4)."""
+class Placed(Protocol):
+    """What is known of an object here: its task and surroundings, its columns of velocities (k,) with their
+    units (k,) as lengths, which of them are to come to the goal, its columns of coordinates (p,), and of
+    quaternions (r, 4), none in the plane."""
 
     @property
     def task(self) -> Task: ...
@@ -33,25 +35,35 @@ class Turned(Protocol):
     def columns(self) -> Ints: ...
 
     @property
+    def units(self) -> Reals: ...
+
+    @property
+    def aims(self) -> NDArray[np.bool_]: ...
+
+    @property
     def places(self) -> Ints: ...
 
     @property
     def turns(self) -> Ints: ...
 
 
-def marks_in_space(q: Reals, places: Ints, turns: Ints, reach: float) -> Reals:
-    """Numbers (m,) of an object at a place (n,) in space: its place, and its rotation, scaled so that small
-    turns of a body that reaches so far are as far apart as its points move."""
-    plain = np.setdiff1d(places, turns)
-    turned = [0.5**0.5 * reach * turn_of(q[row]).ravel() for row in turns]
+def marks(of: Placed, q: Reals) -> Reals:
+    """Numbers (m,) whose distances are those of places (n,) of what is to come to the goal, nearly. In space
+    these are its place, and its rotation, scaled so that small turns are as far apart as its points move."""
+    if not len(of.turns):
+        return np.asarray(q[of.places] * of.units * of.aims)
+    plain, reach = np.setdiff1d(of.places, of.turns), float(of.units[-1])
+    turned = [0.5**0.5 * reach * turn_of(q[row]).ravel() for row in of.turns]
     return np.concatenate([q[plain], *turned])
 
 
-def drawn_in_space(q: Reals, rows: Reals, of: Turned, rng: np.random.Generator) -> Reals:
-    """The place q (n,) with an object in space anywhere about where it is at others (m, n)."""
-    own = rows[:, of.places]
-    room = ROAMS * of.task.size
+def drawn_about(of: Placed, home: Reals, rows: Reals, rng: np.random.Generator) -> Reals:
+    """A place (n,) with the object anywhere about where it is at others (m, n), and all else at home."""
+    q, own, size = home.copy(), rows[:, of.places], ROAMS * of.task.size
+    room = size if len(of.turns) else np.where(of.units == 1.0, size, TURN)
     q[of.places] = rng.uniform(own.min(axis=0) - room, own.max(axis=0) + room)
+    if not len(of.turns):
+        return q
     q[of.turns] = rows[int(rng.integers(len(rows)))][of.turns]
     change = np.zeros(len(of.around.owners))
     change[of.columns[-3:]] = rng.uniform(-TURN, TURN, 3)

@@ -11,26 +11,28 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.fingers import Finger, Flags, are_apart, carry, sort_touches, touch
+from rungwise.planning.modes.fingers import (
+    Finger,
+    Flags,
+    are_apart,
+    carry,
+    sort_contacts,
+    sort_touches,
+    touch,
+)
 from rungwise.planning.modes.forces.cones import Memory, memory_for, see
 from rungwise.planning.modes.forces.mode_motions import turn
 from rungwise.planning.modes.frames import (
-    ROAMS,
-    TURN,
     TURNS,
     asks_turn,
-    drawn_in_space,
     is_round,
-    marks_in_space,
     weights_of,
 )
-from rungwise.planning.modes.joints.clearing import Earlier, cleared, first_free
+from rungwise.planning.modes.joints.clearing import Earlier, cleared, touching
 from rungwise.planning.modes.joints.inverse_kinematics import (
     EXACT,
     Reach,
-    laid,
     middle_of,
-    reached,
     to_posture,
 )
 from rungwise.planning.task.task import Task
@@ -69,11 +71,10 @@ class Seen(NamedTuple):
 class Ground:
     """An object, by its number and its columns (k,) of velocities with their units (k,) as lengths, and
     (p,) of coordinates, `places`; its fingers and its surroundings. Where it is to push another one, `last`
-    is that one, else the same; the columns of both follow each other, and `aims` (k,) are those of the
-    last. pairs: the scene's contacts of
-    the object with what is no finger, and surrounds (c,), which these are; beside (c,): those of them with
-    other objects; own (f,): with each finger; avoided (a,): of fingers with all else; beyond (b,): those of
-    fingers with objects that are pushed aside, which the other lists leave out."""
+    is that one, else the same; the columns of both follow each other, and `aims` (k,) are those of the last.
+    pairs: the scene's contacts of the object with what is no finger, and surrounds (c,), which these are;
+    beside (c,): those of them with other objects; own (f,): with each finger; avoided (a,): of fingers with
+    all else; beyond (b,): of fingers with objects that are pushed aside, which the other lists leave out."""
 
     task: Task
     around: Surroundings
@@ -105,21 +106,8 @@ class Ground:
         both = (body,) if last is None else (body, last)
         columns = np.concatenate([np.flatnonzero(around.owners == each) for each in both])
         last = body if last is None else last
-        touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
-        pairs, avoided, beyond, own = list[int](), list[int](), list[int](), [-1] * len(fingers)
-        links = {k for f in fingers if f.arm is not None for k in around.moved_by(f.arm.columns).tolist()}
-        for k, pair in enumerate(contacts):
-            a, b = (names.index(name) for name in pair)
-            of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
-            if body in (a, b) and len(of_finger) == 1 and of_finger[0] in touching:
-                own[touching[of_finger[0]]] = k
-            elif {a, b} & set(aside):
-                beyond += [k] * bool(of_finger or links & {a, b})
-            elif of_finger or links & {a, b}:
-                avoided.append(k)
-            elif {a, b} & set(both):
-                pairs.append(k)
-        surrounds, beside = np.zeros(len(contacts), bool), np.zeros(len(contacts), bool)
+        own, pairs, avoided, beyond = sort_contacts(task, around, fingers, both, aside)
+        surrounds, beside = np.zeros((2, len(contacts)), bool)
         surrounds[pairs] = True
         roles = world_of(task.scene).roles(task.parameters)
         within = {names[each] for each in both}
@@ -134,10 +122,8 @@ class Ground:
             if not asks_turn(task, names[each]) and is_round(around, each):
                 units[[world_of(task.scene).velocities[k] in turns for k in columns]] *= SPINS
         return cls(
-            task, around, fingers, body, last, columns, places, around.owners[columns] == last, units,
-            np.array(pairs, np.int64), surrounds,
-            beside, np.array(own, np.int64), np.array(avoided, np.int64), np.array(beyond, np.int64),
-            CLOSED * task.size, APART * least,
+            task, around, fingers, body, last, columns, places, around.owners[columns] == last, units, pairs,
+            surrounds, beside, own, avoided, beyond, CLOSED * task.size, APART * least,
         )  # fmt: skip
 
     def look(self, q: Reals) -> Seen:
@@ -153,14 +139,6 @@ class Ground:
         arm may be to each other."""
         start = world_of(self.task.scene).at(self.task.parameters).q
         return np.minimum(self.apart, BEGUN * self.around.least(start, self.avoided))
-
-    def contacts_of(self, f: int) -> Ints:
-        """The scene's contacts of a finger and of all that its joints move."""
-        finger, names = self.fingers[f], self.task.scene.template.bodies
-        moved = [] if finger.arm is None else self.around.moved_by(finger.arm.columns).tolist()
-        bodies = {finger.carrier.body, *(names[body] for body in moved)}
-        pairs = self.task.scene.template.contacts
-        return np.array([k for k, pair in enumerate(pairs) if bodies & set(pair)], np.int64)
 
     @property
     def is_free_body(self) -> bool:
@@ -196,29 +174,9 @@ class Ground:
         return np.asarray(self.places[self.around.placed[self.places] == self.last])
 
     @cached_property
-    def weights(self) -> Reals:
-        """What its columns (k,) weigh in lengths."""
-        return weights_of(self.task, self.columns)
-
-    @cached_property
     def turns(self) -> Ints:
         """The columns (r, 4) of its quaternions."""
         return np.array([row for row in self.task.turns if row[0] in self.places], np.int64).reshape(-1, 4)
-
-    def marks(self, q: Reals) -> Reals:
-        """Numbers (m,) whose distances are those of places (n,) of what is to come to the goal, nearly."""
-        if not len(self.turns):
-            return np.asarray(q[self.places] * self.units * self.aims)
-        return marks_in_space(q, self.places, self.turns, float(self.units[-1]))
-
-    def drawn(self, home: Reals, rows: Reals, rng: np.random.Generator) -> Reals:
-        """A place (n,) with the object anywhere about where it is at others (m, n), and all else at home."""
-        found = home.copy()
-        if len(self.turns):
-            return drawn_in_space(found, rows, self, rng)
-        own, room = rows[:, self.places], np.where(self.units == 1.0, ROAMS * self.task.size, TURN)
-        found[self.places] = rng.uniform(own.min(axis=0) - room, own.max(axis=0) + room)
-        return found
 
     def is_free(self, seen: Seen, used: Ints) -> bool:
         """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
@@ -334,18 +292,17 @@ class Ground:
         point, normal, pair = at + turned @ point, turned @ normal, int(self.own[f])
         if finger.arm is not None:
             wanted = self._reach(f, point, normal)
-            if finger.contacts > 1:
-                posed = laid(self.around, finger.arm, q, wanted)
-                return first_free(self.around, posed, wanted, self.avoided, self.kept_apart)
-            earlier = self._earlier.setdefault(f, Earlier(self.task.size))
-            redundant = finger.arm if finger.is_redundant else None
-            posed = reached(
-                self.around, finger.arm, q, wanted, earlier.nearest(point, normal) if redundant else ()
+            earlier = self._earlier.setdefault(f, Earlier(self.task.size)) if finger.is_redundant else None
+            return touching(
+                self.around,
+                finger.arm,
+                q,
+                wanted,
+                self.avoided,
+                self.kept_apart,
+                earlier,
+                finger.contacts > 1,
             )
-            place = first_free(self.around, posed, wanted, self.avoided, self.kept_apart, redundant)
-            if place is not None and redundant:
-                earlier.note(point, normal, finger.drives(place))
-            return place
         found[finger.columns] = point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS if finger.contacts == 1 else MORE):
             gap = self.around.touches(found, 0.0).least[pair]

@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.arm_paths import arms_way
 from rungwise.planning.modes.balance import rests
+from rungwise.planning.modes.fingers import contacts_of
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.budget import Budget
@@ -161,7 +162,7 @@ class Writer:
         for part in BACK:
             back = part * finger.carrier.clearance * normal / float(normal @ normal)
             found = finger.put(q, finger.drives(q) + back)
-            least = ground.around.least(found, ground.contacts_of(f))
+            least = ground.around.least(found, contacts_of(finger, ground.task, ground.around))
             if least.min(initial=np.inf) > 0.0 and finger.reaches(found, ground.around):
                 return found
         return None

@@ -28,6 +28,7 @@ from rungwise.planning.modes.balance import (
     rests,
 )
 from rungwise.planning.modes.follow import Way, follow
+from rungwise.planning.modes.frames import drawn_about, marks
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.outlines import alike, opposite
 from rungwise.planning.modes.pushed import led_target
@@ -112,7 +113,7 @@ class Tree:
         self.parents.append(node)
         self.legs.append(leg)
         self.chosen.append(0)
-        self.note(ground.marks(seen.q), far(ground, seen.q, path))
+        self.note(marks(ground, seen.q), far(ground, seen.q, path))
         return len(self.seen) - 1
 
     def way(self, node: int) -> list[Leg]:
@@ -138,7 +139,7 @@ def propose(
     places; `grown` counts trees and their legs."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
-    tree.note(ground.marks(q), far(ground, q, path))
+    tree.note(marks(ground, q), far(ground, q, path))
     room = np.vstack([q, home, goals, path])
     begins = tree.been
     if reached(q):
@@ -152,7 +153,7 @@ def propose(
         elif rng.random() < AIMED:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
-            target = ground.drawn(home, room, rng)
+            target = drawn_about(ground, home, room, rng)
         node = _chosen(ground, tree, target, rng, len(path) > 0)
         for leg in _extended(ground, tree, node, target, home, press, rng, failed, look):
             last: int = node
@@ -199,7 +200,7 @@ def _led_on(
 def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator, frugal: bool) -> int:
     """The node to go on from: near to the target, and not often chosen before; where fingers are to change
     places seldom, one that has left as many changes as possible."""
-    away = np.linalg.norm(tree.places - ground.marks(target), axis=1)
+    away = np.linalg.norm(tree.places - marks(ground, target), axis=1)
     weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
     if frugal:
         weighed *= 1.0 + FRUGAL * (1.0 - np.array(tree.left) / max(tree.left[0], 1))

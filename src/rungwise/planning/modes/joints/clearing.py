@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.joints.chains import Chain
-from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, stepped
+from rungwise.planning.modes.joints.inverse_kinematics import EXACT, Reach, laid, reached, stepped
 from rungwise.world.carriers import Surroundings
 
 ROUNDS, OPENS, WIDER, SLOWLY = 3, 6, 3.0, 0.5
@@ -89,3 +89,19 @@ def cleared(
         if not 0.0 < lacks.max(initial=0.0) < SLOWLY * before:
             break
     return q
+
+
+def touching(
+    around: Surroundings, arm: Chain, q: Reals, wanted: Reach, avoided: Ints, kept: Reals,
+    earlier: Earlier | None, flat: bool,
+) -> Reals | None:  # fmt: skip
+    """The place (n,) with an arm that touches an object as wanted, with a flat side or a point of its last
+    body; see `first_free`. Arms with joints to spare begin where they touched `earlier`."""
+    if flat:
+        return first_free(around, laid(around, arm, q, wanted), wanted, avoided, kept)
+    begun = earlier.nearest(wanted.point, wanted.normal) if earlier else ()
+    posed = reached(around, arm, q, wanted, begun)
+    place = first_free(around, posed, wanted, avoided, kept, arm if earlier else None)
+    if place is not None and earlier:
+        earlier.note(wanted.point, wanted.normal, arm.joints(place))
+    return place
