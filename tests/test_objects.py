@@ -236,6 +236,13 @@ def test_every_parameter_of_a_public_method_is_described() -> None:
             assert name in ("self", "cls") or re.search(rf"\b{name}s?\b", said), (method.__qualname__, name)
 
 
+def test_the_same_search_twice_gives_equal_plans() -> None:
+    """Whatever their seconds were."""
+    first, second = (rw.plan("two_finger", schedule=["kinematic"], task_seed=1, seed=2) for _ in range(2))
+    assert first.found and first == second and hash(first) == hash(second)
+    assert first.records[0].seconds != second.records[0].seconds
+
+
 CLASSES = [kind for name in rw.__all__ if inspect.isclass(kind := getattr(rw, name))]
 
 

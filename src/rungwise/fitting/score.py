@@ -71,13 +71,13 @@ class Phase:
 class Score(ByContent):
     """Errors of a rung on trials that were not fitted: means over trials of the error of place, of turn
     (radians) and of both by the way of the farthest point; phases; cost: processor seconds for each second
-    simulated; trials (t,): the last of these errors, trial by trial."""
+    simulated, which does not count in `==`; trials (t,): the last of these errors, trial by trial."""
 
     place: Mean
     turn: Mean
     whole: Mean
     phases: tuple[Phase, ...]
-    cost: float
+    cost: float = field(compare=False)
     trials: Reals = field(repr=False)
 
 
