@@ -21,6 +21,7 @@ from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.explain import diagnoses, drifts, explained, in_what_is_left
 from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put
 from rungwise.planning.lift.initial import Initial, begun_with
+from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
 from rungwise.planning.motion.budget import Budget, Stage
@@ -170,7 +171,7 @@ def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[s
     if best.found and not _has_come(best, last):
         reason = f"{last}: was not reached; the plan holds on {best.stage}. {known(work)}"
         best = replace(best, reason=reason)
-    yield best
+    yield without_vain_repairs(best) if best.found else best
 
 
 def _better(own: Plan, best: Plan, chosen: Sequence[Stage]) -> Plan:
@@ -264,10 +265,10 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
     why = _left_out(work, stage)
     if why:
         reason = "" if before.found else f"{stage}: {why}"
-        return replace(_with_record(before, Record(str(stage), why, 0, 0.0)), reason=reason)
+        return replace(with_record(before, Record(str(stage), why, 0, 0.0)), reason=reason)
     if not stage.model.moves:
         placed = place(work)
-        found = _with_record(before, Record(str(stage), placed.how, 0, clock.perf_counter() - began))
+        found = with_record(before, Record(str(stage), placed.how, 0, clock.perf_counter() - began))
         if not len(placed.way):
             return replace(found, reason=f"{stage}: {placed.how}")
         return put(found, stage, placed)
@@ -277,7 +278,7 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
         lifted, how = Lifted(None, NOTHING)
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     moves = 0 if lifted is None else len(lifted.vectors)
-    found = _with_record(before, Record(str(stage), how, steps, seconds, moves))
+    found = with_record(before, Record(str(stage), how, steps, seconds, moves))
     if before.found and (how != HELD or lifted is None or drifts(work, before, lifted.course)):
         found = replace(found, told=(*found.told, *diagnoses(work, before, stage, lifted is not None)))
     if lifted is None:
@@ -376,14 +377,3 @@ def _is_confirmed(work: Work, plan: Plan) -> bool:
 def _robust(work: Work, plan: Plan, rate: float, samples: int, tell: Callable[[str], None]) -> Plan:
     """The plan in the mode in which it succeeds at a rate."""
     return made_robust(plan, rate, samples, work.threads, tell, work.budget)
-
-
-def _with_record(plan: Plan, record: Record) -> Plan:
-    """The plan with what came of a stage; what the same stage took before is added to it."""
-    places = [each.stage for each in plan.records]
-    if record.stage not in places:
-        return replace(plan, records=(*plan.records, record))
-    records, at = list(plan.records), places.index(record.stage)
-    steps, seconds = record.steps + records[at].steps, record.seconds + records[at].seconds
-    records[at] = replace(record, steps=steps, seconds=seconds)
-    return replace(plan, records=tuple(records))
