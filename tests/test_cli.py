@@ -350,8 +350,8 @@ def test_every_command_with_out_refuses_what_exists_and_can_be_forced(
 ) -> None:
     commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
     options = {name: {p.name for p in each.params} for name, each in commands.items()}
-    assert {name for name, own in options.items() if "out" in own} == {
-        name for name, own in options.items() if "force" in own
+    assert {name for name, own in options.items() if "force" in own} == {"view"} | {
+        name for name, own in options.items() if "out" in own
     }
     problem = tmp_path / "problem.npz"
     rw.solve(rw.Problem.lcp([[2.0, 1.0], [1.0, 2.0]], [-1.0, -1.0])).save(tmp_path / "any.npz")
@@ -368,13 +368,44 @@ def test_every_command_with_out_refuses_what_exists_and_can_be_forced(
         refused(rungwise(*command, "--out", tmp_path), "out: ", "exists; --force overwrites it")
 
 
+def test_every_option_that_names_a_file_to_write_refuses_one_that_exists(
+    rungwise: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begins = {
+        "design": ("two_finger", "--over", "v2", "--model", "kinematic"),
+        "plan": ("push", "--to", "geometric"),
+        "sets": SETS[1:],
+        "sim": SIM[1:],
+        "view": ("two_finger", "--model", "kinematic"),
+    }
+    read = ("data", "inputs", "initial", "file", "plan", "out")
+    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    kept, tried = tmp_path / "kept.obj", set()
+    kept.write_text("kept")
+    for name, command in commands.items():
+        for option in command.params:
+            if option.type_descriptor.annotation is not Path or option.name in read:
+                continue
+            tried.add(name)
+            word = option.opts[0]
+            answer = rungwise(name, *begins[name], word, kept)
+            refused(answer, f"{word[2:].replace('-', '_')}: ", "exists; --force overwrites it")
+    assert tried == set(begins) and kept.read_text() == "kept"
+    monkeypatch.chdir(tmp_path)
+    for force in ((), ("--force",)):
+        assert rungwise("view", *begins["view"], *force).code == 0
+        refused(rungwise("view", *begins["view"]), "html: two_finger.html exists; --force overwrites it")
+
+
 def test_check_prints_places_as_runs_do(rungwise: Command) -> None:
     for scene in ("gripper", "push", "two_finger", "two_link", "ball"):
         report = rungwise("check", scene, "--json").json
-        state = rw.State.of(scene)
-        for name in state.names if scene != "ball" else ():
-            body, _, coordinate = name.partition(".")
-            assert report["bodies"][body]["coordinates"][coordinate]["start"] == pytest.approx(state[name])
+        state, places = rw.State.of(scene), {}
+        for body, own in report["bodies"].items():
+            for label, each in own["coordinates"].items():
+                places |= {f"{body}.{c}": x for c, x in each.get("places", {label: each["start"]}).items()}
+        assert places == pytest.approx({name: state[name] for name in state.names})
+    assert "ball: free, starts at x = 0, y = 0, z = 0.1, qw = 1," in rungwise("check", "ball").out
 
 
 def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
@@ -647,15 +678,17 @@ def test_plan_is_found_saved_verified_and_drawn(rungwise: Command, tmp_path: Pat
     refused(answer, "csv: it is of the geometric rung")
     refused(rungwise("view", plan), "plan: it is of the geometric rung: it has places, but no inputs")
     refused(rungwise("verify", plan), "plan: it is of the geometric rung")
-    refused(rungwise("view", plan, "--parting", drawn), "plan: it is of the geometric rung")
-    refused(rungwise("view", plan, *rungs, "--parting", drawn), "plan: it is of the geometric rung")
+    refused(rungwise("view", plan, "--parting", drawn, "--force"), "plan: it is of the geometric rung")
+    refused(
+        rungwise("view", plan, *rungs, "--parting", drawn, "--force"), "plan: it is of the geometric rung"
+    )
     for more in (("--robust", 0.9), ("--improve", 10)):
         answer = rungwise("plan", "push", "--task-seed", 3, "--to", "geometric", *more)
         refused(answer, f"{more[0][2:]}: needs a plan with inputs; on geometric @ 0.01 there are only places")
     schedule = "geometric,kinematic@0.01,quasistatic-rigid@0.01"
     answer = rungwise("plan", "push", "--task-seed", 3, "--schedule", schedule, "--out", plan, "--force")
     assert answer.code == 0 and "without being touched by a robot" in answer.out
-    assert rungwise("view", plan, "--parting", drawn).code == 0
+    assert rungwise("view", plan, "--parting", drawn, "--force").code == 0
     answer = rungwise("plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", plan, "--force")
     again = rungwise("plan", "push", "--task-seed", 3, "--initial", plan, "--schedule", "dynamic-rigid@0.01")
     assert again.code == 0 and "dynamic-rigid @ 0.01" in again.out

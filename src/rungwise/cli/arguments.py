@@ -106,7 +106,7 @@ LimitOption = Annotated[
     numeric("--limit", "End after this time, print the results so far and the work left undone.", "SECONDS"),
 ]
 ForceOption = Annotated[
-    bool, typer.Option("--force", help="Overwrite the file or folder of --out if it exists.")
+    bool, typer.Option("--force", help="Overwrite files that exist, and the folder of --out.")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue from the batches kept in --out.")]
 TimeOption = Annotated[float | None, numeric("--time", "End of the run; the scene's own if not given.")]
@@ -193,10 +193,10 @@ def writable_file(file: Path) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
 
 
-def unused(out: Path | None, force: bool, resume: bool | None = None) -> None:
+def unused(out: Path | None, force: bool, resume: bool | None = None, option: str = "out") -> None:
     """Refuse a file that exists, or a folder in which something is, unless it may be overwritten, or the
     command is to `resume` what is there; None where it cannot. A folder to resume must hold a request, unless
-    it is empty. Batches that are overwritten are removed."""
+    it is empty. Batches that are overwritten are removed. The line begins with the option."""
     if out is None:
         return
     with suppress(OSError):
@@ -208,11 +208,17 @@ def unused(out: Path | None, force: bool, resume: bool | None = None) -> None:
             refuse(f"resume: {out} holds nothing to go on from; give another folder, or --force instead")
         if not resume and not force and out.exists() and (not out.is_dir() or any(out.iterdir())):
             goes_on = "" if resume is None else ", --resume goes on from it"
-            refuse(f"out: {out} exists; --force overwrites it{goes_on}")
+            refuse(f"{option}: {out} exists; --force overwrites it{goes_on}")
     if force and resume is False:
         for request in out.rglob("request.json"):
             for name in ("batches", "set.zarr", request.name):
                 remove(request.with_name(name))
+
+
+def unused_files(force: bool, **files: Path | None) -> None:
+    """Refuse files that exist unless they may be overwritten; by the options that name them."""
+    for option, file in files.items():
+        unused(file, force, option=option)
 
 
 def load_plan_file(file: Path) -> Plan:

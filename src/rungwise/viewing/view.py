@@ -37,6 +37,7 @@ def view(
     frames: int = 6,
     at: float | None = None,
     limit: float | None = None,
+    overwrite: bool = True,
 ) -> list[Path]:
     """Write pictures of a run or a plan, or of several runs beside each other, or of sets; returns the files
     written.
@@ -51,9 +52,11 @@ def view(
         gif: a short animation (needs the extra `view`); not of sets.
         limit: seconds for the runs that the pictures need. An unfinished run of a plan is shown so far,
             and called `running`; pages of sets show fewer runs.
+        overwrite: whether files that exist are overwritten; otherwise they are refused.
 
-    Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
-    cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
+    Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing, or
+    a file cannot be written or may not be overwritten. Without html, png and gif the animation goes to
+    `SCENE.html`.
     """
     listed_runs, deadline = _listed(runs), Deadline(seconds(limit))
     sources = [_source(one, deadline.share(len(listed_runs) - k)) for k, one in enumerate(listed_runs)]
@@ -67,7 +70,7 @@ def view(
     if found:
         if len(found) < len(sources) or gif is not None:
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
-        return _sets(found, html, png, deadline)
+        return _sets(found, html, png, deadline, overwrite)
     try:
         drawer = _drawer(sources)
     except SceneError as error:
@@ -81,6 +84,7 @@ def view(
         raise ViewError(str(error)) from None
     if html is None and png is None and gif is None:
         html = f"{drawer.name(clips[0])}.html"
+    _may_write(overwrite, html=html, png=png, gif=gif)
     made: list[tuple[str, str | Path, Callable[[Path], object]]] = []
     if html is not None:
         text = drawer.page(clips, LARGEST)
@@ -92,6 +96,13 @@ def view(
         needs_matplotlib("gif")
         made.append(("gif", gif, lambda file: to_gif(clips, file)))
     return [write(*one) for one in made]
+
+
+def _may_write(overwrite: bool, **files: str | Path | None) -> None:
+    """Raise ViewError for a file that exists and may not be overwritten."""
+    for field, file in files.items():
+        if file is not None and not overwrite and Path(file).exists():
+            raise ViewError(f"{field}: {file} exists; --force (overwrite=True) overwrites it")
 
 
 def _drawer(sources: Sequence[Any]) -> Drawer:
@@ -153,7 +164,11 @@ def _point(folder: Path) -> None:
 
 
 def _sets(
-    found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path | None, deadline: Deadline
+    found: Sequence[FeasibleSet],
+    html: str | Path | None,
+    png: str | Path | None,
+    deadline: Deadline,
+    overwrite: bool,
 ) -> list[Path]:
     first = found[0]
     for other in found[1:]:
@@ -162,10 +177,12 @@ def _sets(
         ):  # fmt: skip
             raise ViewError("view: the sets must be of one scene, over the same parameters and box")
     files = []
-    if html is not None or png is None:
+    if html is None and png is None:
+        html = f"{first.scene.name}_sets.html"
+    _may_write(overwrite, html=html, png=png)
+    if html is not None:
         text = sets.page(found, deadline)
-        target = f"{first.scene.name}_sets.html" if html is None else html
-        files.append(write("html", target, lambda file: file.write_text(text, "utf-8")))
+        files.append(write("html", html, lambda file: file.write_text(text, "utf-8")))
     if png is not None:
         needs_matplotlib("png")
         drawing = slices.feasible_slices(found)

@@ -56,7 +56,7 @@ def design(
         loaded, parameters = arg.load_with(scene, values, settle)
         if png is not None:
             needs_matplotlib("png")
-        arg.unused(out, force)
+        arg.unused_files(force, out=out, png=png)
         for file in (out, png):
             if file is not None:
                 arg.writable_file(file)

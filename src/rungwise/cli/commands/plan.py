@@ -75,7 +75,7 @@ def plan(
     from rungwise.planning.lift.lift import plan as search
     from rungwise.planning.plan import PLACES_ONLY
 
-    arg.unused(out, force)
+    arg.unused_files(force, out=out, csv=table)
     for file in (out, table):
         if file is not None:
             arg.writable_file(file)

@@ -92,6 +92,7 @@ def sets(
         if out is not None:
             arg.writable(out)
             arg.unused(out, force, resume)
+        arg.unused_files(force, html=html, csv=table, mesh=mesh)
         for number, (name, each) in enumerate(wanted):
             left = len(wanted) - number + (certify > 0)
             below = found[-per_rung] if lift and name != rungs[0] else None

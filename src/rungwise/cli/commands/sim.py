@@ -66,6 +66,7 @@ def sim(
         if out is not None:
             arg.writable(out)
             arg.unused(out, force)
+        arg.unused_files(force, save_hard=save_hard)
         simulation = simulation_of(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rungwise.cli.arguments import (
+    ForceOption,
     JsonOption,
     LimitOption,
     SetOption,
@@ -16,6 +17,7 @@ from rungwise.cli.arguments import (
     load_with,
     numeric,
     rung,
+    unused_files,
 )
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rungwise.deadline import Deadline
+    from rungwise.scene.contract import AnyScene
     from rungwise.simulation.any_run import AnyRun
 
 
@@ -60,6 +63,7 @@ def view(
         typer.Option("--live", help="Serve a page of runs in space until Ctrl-C (needs the extra watch)."),
     ] = False,
     limit: LimitOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Draw runs, plans or sets. A scene or a plan is run on several rungs, which are drawn side by side. The
@@ -73,7 +77,10 @@ def view(
     if parting is not None:
         if html or png or gif or values:
             refuse("view: --parting is a picture of its own; it goes with --model and --at alone")
+        unused_files(force, parting=parting)
         return _parting(sources, model, parting, at, limit, as_json)
+    unused_files(force, html=html, png=png, gif=gif)
+    is_named = live or any(file is not None for file in (html, png, gif))
     with plain_errors():
         deadline = Deadline(seconds(limit))
     folders = [Path(source) for source in sources if Path(source).is_dir()]
@@ -85,15 +92,16 @@ def view(
             refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
         is_plan = Path(sources[0]).suffix == ".json"
         if is_plan:
-            runs = _replays(sources[0], model, values, deadline)
+            runs = _replays(sources[0], model, values, deadline, force or is_named)
         else:
-            runs = _runs(sources[0], model, values, settle, deadline)
+            runs = _runs(sources[0], model, values, settle, deadline, force or is_named)
     if live:
         return _live(runs)
     try:
         written = draw(
-            folders or runs, html=html, png=png, gif=gif, frames=frames, at=at, limit=deadline.seconds
-        )
+            folders or runs, html=html, png=png, gif=gif, frames=frames, at=at, limit=deadline.seconds,
+            overwrite=force or is_named,
+        )  # fmt: skip
     except ViewError as error:
         refuse(str(error))
     outcomes = [{"model": run.model.name, "outcome": str(run.outcome)} for run in runs]
@@ -168,8 +176,13 @@ def _parting(
     return 0
 
 
+def _unused_page(scene: AnyScene, force: bool) -> None:
+    """Refuse the page that is written where no file is named, if it exists, before anything is run."""
+    unused_files(force, html=Path(f"{scene.name}.html"))
+
+
 def _replays(
-    source: str, models: list[str] | None, values: list[str] | None, deadline: Deadline
+    source: str, models: list[str] | None, values: list[str] | None, deadline: Deadline, force: bool
 ) -> list[AnyRun]:
     """The runs of a saved plan on its own rung, or on the rungs given, each in its share of the time."""
     if values:
@@ -178,12 +191,18 @@ def _replays(
         plan = load_plan_file(Path(source))
         if not plan.found:
             refuse(f"plan: there is none. {plan.reason}")
+        _unused_page(plan.scene, force)
         names = models or [plan.summary()["model"]]
         return [plan.replay(name, limit=deadline.share(len(names) - k)) for k, name in enumerate(names)]
 
 
 def _runs(
-    source: str, models: list[str] | None, values: list[str] | None, settle: bool, deadline: Deadline
+    source: str,
+    models: list[str] | None,
+    values: list[str] | None,
+    settle: bool,
+    deadline: Deadline,
+    force: bool,
 ) -> list[AnyRun]:
     """The scene's run on each of the rungs, for pictures; each may take its share of the time."""
     from rungwise.models.ladder import LADDER
@@ -191,6 +210,7 @@ def _runs(
 
     with plain_errors():
         scene, parameters = load_with(source, values, settle)
+        _unused_page(scene, force)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [
             simulate(scene, name, parameters=parameters, limit=deadline.share(len(chosen) - k))

@@ -15,7 +15,7 @@ from rungwise.world.description import common, heading, stated
 if TYPE_CHECKING:
     import mujoco
 
-JOINTS = ("free", "ball", "slide", "hinge")
+JOINTS, COORDINATES = ("free", "ball", "slide", "hinge"), (7, 4, 1, 1)
 LAW = (
     "stiffness", "tangential_stiffness", "damping", "tangential_damping", "restitution", "friction",
     "torsional_friction", "rolling_friction",
@@ -55,6 +55,7 @@ def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
         coordinates[scene.template.coordinates[at]] = {
             "joint": kind,
             "start": float(bound.place[at]),
+            "places": _places(scene, bound, j),
             "lower": limits[0],
             "upper": limits[1],
             "damping": float(model.dof_damping[to]),
@@ -68,6 +69,13 @@ def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
         "friction": sorted({float(model.geom_friction[g, 0]) for g in solid}),
         "coordinates": coordinates,
     }
+
+
+def _places(scene: SpaceScene, bound: SpaceBound, j: int) -> dict[str, float]:
+    """Where all coordinates of a joint start, by their names without the body's."""
+    at = int(bound.model.jnt_qposadr[j])
+    labels = scene.template.coordinates[at : at + COORDINATES[int(bound.model.jnt_type[j])]]
+    return {label.partition(".")[2]: float(x) for label, x in zip(labels, bound.place[at:], strict=False)}
 
 
 def _tendon(model: mujoco.MjModel, t: int) -> dict[str, Any]:
@@ -110,7 +118,11 @@ def described(report: Mapping[str, Any]) -> str:
         for label, c in body["coordinates"].items():
             driven = "" if c["speed"] is None else f", driven at the speed {c['speed']:.6g}"
             travel = "" if np.isinf(c["lower"]) else f", travels {c['lower']:.6g} to {c['upper']:.6g}"
-            lines.append(f"    {label}: {c['joint']}, starts at {c['start']:.6g}{travel}{driven}")
+            places = ", ".join(f"{own} = {x:.6g}" for own, x in c["places"].items())
+            begins = f"{name}: {c['joint']}, starts at {places}"
+            if len(c["places"]) == 1:
+                begins = f"{label}: {c['joint']}, starts at {c['start']:.6g}"
+            lines.append(f"    {begins}{travel}{driven}")
     if report["tendons"]:
         lines.append("tendons")
     for name, t in report["tendons"].items():
