@@ -88,9 +88,10 @@ def test_every_public_result_answers() -> None:
         assert {str(f.type) for f in dataclasses.fields(kind)} <= plain, kind
 
 
-@pytest.mark.parametrize(
-    "path", [each for each in vars(paths).values() if isinstance(each, paths.Path)], ids=str
-)
+PATHS = {name: each for name, each in vars(paths).items() if isinstance(each, paths.Path)}
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
 def test_paths_of_a_comparison_can_be_kept(path: paths.Path) -> None:
     assert pickle.loads(pickle.dumps(path)) == path
 
