@@ -97,11 +97,12 @@ def _runs(axes: Axes3D, runs: Sequence[Run], beyond: Sequence[tuple[Run, float]]
         axes.plot(*q[-1:].T, "o" if is_caught else "x", color=colour, ms=4, mew=1.4, zorder=7)
     axes.view_init(elev=24.0, azim=-52.0)
     axes.set_box_aspect((1.0, 1.7, 1.0), zoom=0.97)
-    axes.set(xticks=(0, 1, 2), yticks=(-2, -1, 0, 1, 2), zticks=(0, 1, 2))
+    axes.set(xlabel="$x_1$ [m]", ylabel="$x_3$ [m]", zlabel="$x_2$ [m]")
+    axes.set(xticks=(0, 1, 2), yticks=(-1, 0, 1, 2), zticks=(0, 1, 2))
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.pane.set_visible(False)
         axis.set_tick_params(pad=-1.0)
-        axis.labelpad = -3.0
+        axis.labelpad = 0.0
     axes.grid(False)
 
 

@@ -197,6 +197,7 @@ def _label_space(axis: Any) -> None:
     axis.view_init(elev=24.0, azim=-135.0)
     axis.set_box_aspect((1.0, 1.0, 0.8), zoom=0.98)
     axis.set(xticks=(0.5, 1.0, 1.5, 2.0), yticks=(0.5, 1.0, 1.5, 2.0), zticks=(0.0, 0.5, 1.0, 1.5))
+    axis.zaxis.set_rotate_label(False)  # an upright letter is read at once
     axis.set(xlabel="$v_1$ [m/s]", ylabel="$v_2$ [m/s]", zlabel="$\\mu$")
     for x, y, z, text in (
         (1.7, 1.7, 0.45, "$Z_F$"),

@@ -152,7 +152,7 @@ def draw(path: Path) -> None:
     curve = [threshold(math.radians(angle)) for angle in fine]
     shades = ListedColormap(COLOURS)
     for row, (name, form) in zip(
-        panels, (("accelerations", Rod.accelerations), (f"a step, h = {STEP:g}", Rod.step)), strict=True
+        panels, (("accelerations", Rod.accelerations), (f"a step, h = {STEP:g} s", Rod.step)), strict=True
     ):
         for panel, rising in zip(row, (False, True), strict=True):
             counts = sweep(form, rising)

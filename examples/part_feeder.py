@@ -78,7 +78,7 @@ def picture(file: Path, model: str, x: np.ndarray, y: np.ndarray, found: np.ndar
     at = rw.load(SCENE).parameters()
     right.plot(1e3 * at["pin_x"], 1e3 * at["pin_y"], "o", mfc="white", mec=INK, label="the pin that ships")
     right.set(xlabel="pin_x [mm]", ylabel="pin_y [mm]", title=f"place of the pin, {model}")
-    right.legend(loc="upper right")
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
     figure.savefig(file, dpi=110)
 
 

@@ -175,7 +175,7 @@ def _forces(axes: Axes, scene: rw.Scene) -> None:
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(xlim=(-2.0, 0.8), xlabel="barb beyond the noses [mm]", ylabel="force on the way in [N]")
     axes.set_title("dots: the rod's force, quasistatic-compliant", fontsize=10)
-    axes.legend(fontsize=8, loc="lower left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
 
 
 def table(found: dict[str, list[Row]]) -> str:

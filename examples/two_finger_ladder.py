@@ -128,9 +128,9 @@ def draw(scene: rw.Scene, path: Path, fan: Sequence[float] = FAN) -> None:
         axes.set_title(title, fontsize=11)
         axes.tick_params(labelleft=index % 3 == 0, labelbottom=index >= 3)
         if index % 3 == 0:
-            axes.set_ylabel("part  $x_3$")
+            axes.set_ylabel("part  $x_3$ [m]")
         if index >= 3:
-            axes.set_xlabel("mean travel  $(x_1 + x_2)/2$")
+            axes.set_xlabel("mean travel  $(x_1 + x_2)/2$ [m]")
     path.parent.mkdir(parents=True, exist_ok=True)
     picture.savefig(path)
 

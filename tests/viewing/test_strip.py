@@ -8,9 +8,12 @@ import pytest
 import rungwise as rw
 from rungwise.viewing.plane.arrows import Arrows, arrows_at, draw_touches, short, view_of
 from rungwise.viewing.plane.clip import SHOWN_SLIP, Clip, clip
-from rungwise.viewing.units import common_units
+from rungwise.viewing.sheet import SMALL
+from rungwise.viewing.units import common_units, titled
 
 matplotlib = pytest.importorskip("matplotlib")
+from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
+
 from rungwise.viewing.plane.pictures import strip  # noqa: E402
 
 RUNGS = ("quasistatic-compliant", "dynamic-rigid")
@@ -43,6 +46,24 @@ def test_frames_have_one_scale_ticks_and_times(clips: list[Clip]) -> None:
     assert all(len(axes.get_xticks()) > 1 and len(axes.get_yticks()) > 1 for axes in frames)
     said = " ".join(text.get_text() for text in figure.texts)
     assert all(f"{name}: " in said for name in RUNGS)
+
+
+def test_no_letters_are_too_small_for_a_page_and_axes_name_units_once(clips: list[Clip]) -> None:
+    figure = strip(clips, 4)
+    FigureCanvasAgg(figure).draw()
+    letters = [text for text in figure.findobj(matplotlib.text.Text) if text.get_text()]
+    assert len(letters) > 20 and min(text.get_fontsize() for text in letters) >= SMALL
+    assert [axes.get_xlabel() for axes in figure.axes] == [""] * 4 + ["x [m]"] * 4
+    first = figure.axes[0]
+    low, high = first.get_ylim()
+    seen = [text for text in first.get_yticklabels() if low <= text.get_position()[1] <= high]
+    title = first.yaxis.label.get_window_extent()
+    assert title.x0 > 0.0 and title.x1 < min(text.get_window_extent().x0 for text in seen)
+
+
+def test_titles_of_axes_have_units_where_parameters_have_them() -> None:
+    file = rw.load("two_finger").file
+    assert [titled(file, name) for name in ("v1", "mu", "x3")] == ["v1 [m/s]", "mu", "x3 [m]"]
 
 
 def test_arrows_lie_whole_in_the_frame_and_the_long_ones_are_broken(clips: list[Clip]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rungwise.planning.design.design import Design
+from rungwise.viewing.units import titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,10 +32,10 @@ def design_bars(found: Design) -> Figure:
         axes.barh(row, last - first, left=first, height=0.34, color=GOOD)
         at = part(found.values[name])
         axes.plot([at, at], [row - 0.26, row + 0.26], color=INK, linewidth=2.5)
-        axes.annotate(f"{found.values[name]:.4g}", (at, row + 0.28), ha="center", va="bottom", fontsize=9)
+        axes.annotate(_short(found.values[name]), (at, row + 0.28), ha="center", va="bottom", fontsize=9)
         for place, value, side in ((0.0, low, "left"), (1.0, high, "right")):
-            axes.annotate(f"{value:.4g}", (place, row - 0.2), ha=side, va="top", fontsize=8, color="#5b6570")
-    axes.set_yticks(range(len(names)), list(reversed(names)))
+            axes.annotate(_short(value), (place, row - 0.2), ha=side, va="top", fontsize=8, color="#5b6570")
+    axes.set_yticks(range(len(names)), [titled(found.scene.file, name) for name in reversed(names)])
     axes.set_xticks([])
     axes.set_xlim(-0.02, 1.02)
     axes.set_ylim(-0.6, len(names) - 0.3)
@@ -44,3 +45,7 @@ def design_bars(found: Design) -> Figure:
         f"{found.scene.name} on {found.model.name}: best values, and how far each may drift", fontsize=10
     )
     return figure
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")

@@ -21,10 +21,12 @@ MODELS = ("#0072b2", "#d55e00", "#007f5f", "#b0508c", "#8a6d00", "#333333")
 """Colours that people see apart whatever their colour vision (Okabe and Ito, some darkened)."""
 WIDE, GAP, MOST = 6.6, 0.2, 14.0
 """Width of a frame that stands alone, the space between frames and the width of a row of them, in inches."""
-LEFT, ABOVE, BELOW, LINE = 0.6, 0.4, 0.55, 0.21
+LEFT, ABOVE, BELOW, LINE = 0.7, 0.4, 0.6, 0.21
 """Inches left of frames for ticks, above them for the title, below them for ticks; a line of the legend."""
 COLUMN, HEAD, ROW = 2.2, 0.3, 0.3
 """Inches: width of a column of the legend, height of the title of a frame, and of that of a row of frames."""
+SMALL = 9.0
+"""Points of the smallest letters, which a page of 800 pixels still shows readably."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def sheet(runs: Sequence[Any], times: Sequence[float], look: Look) -> Figure:
     what += "" if several else f": {runs[0].outcome}"
     figure.suptitle(what, fontsize=12, y=1.0 - 0.1 / height, va="top")
     if look.marks:
-        figure.legend(handles=look.marks, loc="lower center", ncols=ncols, frameon=False, fontsize=9)
+        figure.legend(handles=look.marks, loc="lower center", ncols=ncols, frameon=False, fontsize=SMALL)
     return figure
 
 

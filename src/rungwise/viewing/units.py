@@ -9,6 +9,12 @@ from typing import Any
 BASES = {"length": "m", "time": "s", "force": "N"}
 
 
+def titled(file: Any, name: str) -> str:
+    """The name of a parameter, and its unit where it has one: the title of an axis."""
+    unit = file.parameters[name].unit
+    return f"{name} [{unit}]" if unit not in (None, "", "1") else name
+
+
 def units_of(file: Any) -> dict[str, str]:
     """The units in which a scene says that it counts; else what its parameters agree on."""
     if file.units is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rungwise.viewing.plane.clip import SHOWN_OPEN, SHOWN_SLIP, SHOWN_STICK, Clip
 from rungwise.viewing.plane.extent import bounds, largest_force, receives_first
+from rungwise.viewing.sheet import SMALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -144,7 +145,7 @@ def _sizes(axes: Axes, arrows: Arrows, unit: str) -> None:
         beyond = (tail[0], heights.max() if down else heights.min())
         axes.annotate(
             f"{short(arrows.size[k])} {unit}".rstrip(), beyond, xytext=(0.0, 3.0 if down else -3.0),
-            textcoords="offset points", fontsize=7.5, zorder=33, ha="left" if tail[0] < middle else "right",
+            textcoords="offset points", fontsize=SMALL, zorder=33, ha="left" if tail[0] < middle else "right",
             va="bottom" if down else "top",
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from rungwise.viewing.plane.arrows import MARKS, View, short, view_of
 from rungwise.viewing.plane.clip import Clip
 from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE, INK, ROLES, draw_frame
 from rungwise.viewing.plane.run_page import labels, title
-from rungwise.viewing.sheet import MODELS, Look, save_moving, sheet, times_of
+from rungwise.viewing.sheet import MODELS, SMALL, Look, save_moving, sheet, times_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def legend(figure: Figure, clips: Sequence[Clip]) -> None:
     """Draw models (where there are several), contact modes and roles, below the picture."""
     figure.legend(
-        handles=_models(clips) + _marks(clips), loc="lower center", ncols=3, frameon=False, fontsize=9
+        handles=_models(clips) + _marks(clips), loc="lower center", ncols=3, frameon=False, fontsize=SMALL
     )
 
 
@@ -86,11 +86,11 @@ def _ticks(axes: Axes, unit: str, first: bool, last: bool) -> None:
 
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.tick_params(labelsize=7.5, length=3, labelleft=first, labelbottom=last)
+    axes.tick_params(labelsize=SMALL, length=3, labelleft=first, labelbottom=last)
     if last:
-        axes.set_xlabel(f"x [{unit}]" if unit else "x", fontsize=8, labelpad=1)
+        axes.set_xlabel(f"x [{unit}]" if unit else "x", fontsize=SMALL, labelpad=1)
     if first:
-        axes.set_ylabel(f"y [{unit}]" if unit else "y", fontsize=8, labelpad=1)
+        axes.set_ylabel(f"y [{unit}]" if unit else "y", fontsize=SMALL, labelpad=3)
 
 
 def save_png(clips: Sequence[Clip], file: File, count: int = 6, at: float | None = None) -> None:

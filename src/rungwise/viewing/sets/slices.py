@@ -15,6 +15,7 @@ from rungwise.sets.doomed.doomed import DoomedSet
 from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.stored import whole
 from rungwise.viewing.sets.differences import differences, draw_differences, shade
+from rungwise.viewing.units import titled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,18 +111,12 @@ def _name_axes(axes: Sequence[Axes], found: FeasibleSet, columns: int) -> None:
     for i, axis in enumerate(axes):
         axis.tick_params(labelsize=8)
         if i + columns >= len(axes):
-            axis.set_xlabel(_unit_of(found, 0), fontsize=9)
+            axis.set_xlabel(titled(found.scene.file, found.over[0]), fontsize=9)
             axis.tick_params(labelbottom=True)
         if i % columns == 0 and len(found.over) > 1:
-            axis.set_ylabel(_unit_of(found, 1), fontsize=9)
+            axis.set_ylabel(titled(found.scene.file, found.over[1]), fontsize=9)
         if len(found.over) == 1:
             axis.set_yticks(())
-
-
-def _unit_of(found: FeasibleSet, index: int) -> str:
-    name = found.over[index]
-    unit = found.scene.file.parameters[name].unit
-    return f"{name} [{unit}]" if unit not in (None, "1") else name
 
 
 def _fixed(found: FeasibleSet, part: float) -> str:
@@ -150,7 +145,7 @@ def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
     for setter, (low, high) in zip((axis.set_xlim, axis.set_ylim, axis.set_zlim), found.box, strict=True):
         setter(low, high)
     for k, setter in enumerate((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel)):
-        setter(_unit_of(found, k))
+        setter(titled(found.scene.file, found.over[k]))
 
 
 def doomed_slices(found: DoomedSet) -> Figure:
