@@ -32,7 +32,7 @@ from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.find_contacts import find_contacts
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
-from rungwise.viewing.plane.goal import goal_places
+from rungwise.viewing.goal import NEAR_GOAL, goal_places
 from rungwise.viewing.units import units_of
 
 if TYPE_CHECKING:
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 NEAR = 0.02
 """Open contact points are shown up to this fraction of the largest shape's reach."""
-NEAR_GOAL = 0.4
-"""A goal that may be missed by more than this part of a body's reach is drawn as no pose."""
 EXACT = 500
 """Up to so many pairs of shapes every gap is exact; with more pairs, far gaps are lower bounds, as in the
 run."""

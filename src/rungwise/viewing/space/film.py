@@ -112,7 +112,8 @@ class Film:
     (f, b, 3) and `turns` (f, b, 4), quaternions w x y z, are the poses of the bodies. `pairs` names the p
     pairs of bodies that are known by `touches` and by the curves: `gaps` and `pushes` (f, p), the least gap,
     NaN where it is not known, and the normal force of each. `units` has the units of "length", "time" and
-    "force", where they are known.
+    "force", where they are known. `goal` (b, 7) are the places and turns that the goal wants of bodies, NaN
+    where it wants none; without rows it wants none at all.
 
     Raises FilmError.
     """
@@ -132,6 +133,13 @@ class Film:
     reason: str = ""
     notes: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    goal: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 7)))
+
+    @property
+    def wanted(self) -> list[int]:
+        """Bodies of which the goal wants a pose."""
+        found: list[int] = np.flatnonzero(np.isfinite(self.goal).all(axis=1)).tolist()
+        return found
 
     def __post_init__(self) -> None:
         frames, bodies, pairs = len(self.time), len(self.bodies), len(self.pairs)
@@ -151,6 +159,7 @@ class Film:
         _within("touches: pair", self.touches.pair, (len(self.touches.frame),), pairs)
         if (np.diff(self.touches.frame) < 0).any():
             raise FilmError("touches: frame: must not decrease")
+        _shape("goal", self.goal, (bodies if len(self.goal) else 0, 7))
         if self.gaps is not None:
             _numbers("gaps", np.nan_to_num(self.gaps, nan=0.0), (frames, pairs))
         if self.pushes is not None:

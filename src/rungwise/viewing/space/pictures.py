@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.viewing.plane.arrows import ARROW, LONGEST, MARKS, SHORTEST
-from rungwise.viewing.plane.draw_frame import INK
+from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE, INK
 from rungwise.viewing.sheet import Look, save_moving, sheet, times_of
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film
@@ -33,6 +33,7 @@ MARGIN = 0.08
 SUN = np.array([-0.25, -0.6, 1.0]) / math.hypot(0.25, 0.6, 1.0)
 SHADE, LIT = 0.62, 0.38
 """Brightness of faces that turn away from the light, and how much brighter those are that it hits."""
+OPAQUE = np.ones(4)
 FLOOR, CELLS = "#c9cdd3", 9
 """Colour of the grid that stands for a plane, and its cells along the larger side of the picture."""
 AXES = np.array(
@@ -63,7 +64,7 @@ class Sight:
 
 def sight_of(films: Sequence[Film]) -> Sight:
     """A frame that has room for the bodies at all times."""
-    low, high = box(films)
+    low, high = box([*films, *(there for film in films for there in _goals(film))])
     corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ AXES[:2].T
     first, last = corners.min(axis=0), corners.max(axis=0)
     side = float((last - first).max())
@@ -109,10 +110,32 @@ def draw_frame(axes: Axes, film: Film, time: float, sight: Sight, colour: str | 
     x0, y0, x1, y1 = sight.extent
     _floor(axes, film, k, sight)
     axes.imshow(_picture(film, k, sight), extent=(x0, x1, y0, y1), zorder=10, interpolation="antialiased")
+    for there in _goals(film):
+        covered = np.flipud(_picture(there, 0, sight)[..., 3])
+        places = (
+            np.linspace(*ends, n + 1) for ends, n in zip(((x0, x1), (y0, y1)), covered.T.shape, strict=True)
+        )
+        middles = (0.5 * (each[1:] + each[:-1]) for each in places)
+        axes.contour(*middles, covered, [0.5], colors=GOAL, linestyles=[GOAL_LINE], linewidths=1.6, zorder=15)
     _touches(axes, film, k, sight)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
     for spine in axes.spines.values():
         spine.set_color(FLOOR if colour is None else colour)
+
+
+def _goals(film: Film) -> list[Film]:
+    """For each body of which the goal wants a pose, its solids there, as a film of one frame."""
+    found = []
+    for body in film.wanted:
+        place, turn = film.goal[body, :3], film.goal[body, 3:]
+        solids = [replace(s, body=0, colour=OPAQUE) for s in film.solids if s.body == body]
+        if solids:
+            there = Film(
+                film.title, film.model, (film.bodies[body],), tuple(solids), film.time[:1],
+                place[None, None], turn[None, None],
+            )  # fmt: skip
+            found.append(there)
+    return found
 
 
 def _picture(film: Film, k: int, sight: Sight) -> Reals:
@@ -204,6 +227,8 @@ def _marks(films: Sequence[Film], sight: Sight) -> list[Any]:
         most = f"{sight.longest / sight.per_force:.3g} {films[0].units.get('force', '')}".rstrip()
         words = f"force, cut off beyond {most}"
         handles.append(Line2D([], [], color=INK, marker=r"$\rightarrow$", ms=16, ls="none", label=words))
+    if any(film.wanted for film in films):
+        handles.append(Line2D([], [], color=GOAL, ls=GOAL_LINE, lw=1.6, label="pose that the goal wants"))
     if any(solid.kind == "plane" for film in films for solid in film.solids):
         side = f"{_round(sight.side / CELLS):.3g} {films[0].units.get('length', '')}".rstrip()
         handles.append(

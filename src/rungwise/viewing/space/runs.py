@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from rungwise.scene.space import load_space
 from rungwise.scene.space.mujoco_model import library
 from rungwise.simulation.trajectory import read_saved
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
+from rungwise.viewing.space.goal import goal_poses
 from rungwise.viewing.space.model_solids import film_of_model
 
 if TYPE_CHECKING:
@@ -31,15 +33,20 @@ def film_of(source: Any) -> Film:
     if isinstance(source, str | Path):
         data, told = read_saved(source)
         scene = load_space(json.loads(data.attrs["scene_file"]))
-        return _film(scene, scene.bind(told["parameters"]).model, data, tuple(told["notes"]))
+        return _film(
+            scene, told["parameters"], scene.bind(told["parameters"]).model, data, tuple(told["notes"])
+        )
     if not source.began:
         raise FilmError(f"run: did not begin: {source.reason}")
     space = source.space
     model = source.scene.bind(source.parameters).model if space is None else space.model
-    return _film(source.scene, model, source.trajectory, source.notes)
+    return _film(source.scene, source.parameters, model, source.trajectory, source.notes)
 
 
-def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes: tuple[str, ...]) -> Film:
+def _film(
+    scene: SpaceScene, parameters: Mapping[str, float], model: mujoco.MjModel, data: xarray.Dataset,
+    notes: tuple[str, ...],
+) -> Film:  # fmt: skip
     _, solids = film_of_model(model)
     places, turns = _poses(model, data.position.values)
     touches, pairs, gaps, pushes = _touches(scene.labels.bodies, model.geom_bodyid, data)
@@ -50,6 +57,7 @@ def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes:
         title=scene.name, model=data.attrs["model"], bodies=scene.labels.bodies, solids=tuple(solids),
         time=data.time.values, places=places, turns=turns, pairs=pairs, touches=touches, gaps=gaps,
         pushes=pushes, outcome=outcome, reason=reason, notes=notes, units=UNITS,
+        goal=goal_poses(scene, model, parameters, data.position.values[-1]),
     )  # fmt: skip
 
 
