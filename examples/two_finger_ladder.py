@@ -125,7 +125,7 @@ def draw(scene: rw.Scene, path: Path, fan: Sequence[float] = FAN) -> None:
         axes = picture.add_subplot(grid[index // 3, 1 + index % 3], sharex=first, sharey=first)
         first = first or axes
         panel(axes, scene, rung, parameters, ratios)
-        axes.set_title(title, fontsize=11)
+        axes.set_title(title, fontsize=10)
         axes.tick_params(labelleft=index % 3 == 0, labelbottom=index >= 3)
         if index % 3 == 0:
             axes.set_ylabel("part  $x_3$ [m]")
