@@ -50,9 +50,11 @@ def test_every_unit_is_the_scenes_or_converted_or_refused(units: dict[str, str] 
         is_si = measured(unit).scale == pytest.approx(1.0, rel=1e-9)
         if units is None and not is_si:
             with pytest.raises(rw.SceneError, match=r"^parameters\.a\.unit: .*units: \{length: mm\}"):
-                rw.load(scene(unit))
+                rw.load(scene(unit, read="a * 3 / 3"))
             continue
-        assert angle(scene(unit, units=units)) == pytest.approx(30.0 * factor, rel=1e-12), unit
+        assert angle(scene(unit, units=units, read="a * 3 / 3")) == pytest.approx(30.0 * factor, rel=1e-12), (
+            unit
+        )
 
 
 def test_units_taken_apart() -> None:

@@ -10,6 +10,7 @@ from typing import Any, overload
 from rungwise.keywords import keywords
 from rungwise.scene import scene as planar
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.dimensions.check import check_dimensions
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import Scene
@@ -36,6 +37,8 @@ def load(source: AnyScene | str | Path | Mapping[str, Any], *, settle: bool = Fa
     Raises SceneError: one line that names the field and its valid values.
     """
     scene = _read(source)
+    if scene is not source:
+        check_dimensions(scene)
     if not settle:
         return scene
     if not isinstance(scene, SpaceScene):

@@ -15,7 +15,7 @@ from rungwise.world.description import common, heading, stated
 if TYPE_CHECKING:
     import mujoco
 
-JOINTS, COORDINATES = ("free", "ball", "slide", "hinge"), (7, 4, 1, 1)
+JOINTS = ("free", "ball", "slide", "hinge")
 LAW = (
     "stiffness", "tangential_stiffness", "damping", "tangential_damping", "restitution", "friction",
     "torsional_friction", "rolling_friction",
@@ -73,8 +73,8 @@ def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
 
 def _places(scene: SpaceScene, bound: SpaceBound, j: int) -> dict[str, float]:
     """Where all coordinates of a joint start, by their names without the body's."""
-    at = int(bound.model.jnt_qposadr[j])
-    labels = scene.template.coordinates[at : at + COORDINATES[int(bound.model.jnt_type[j])]]
+    at, stop = [*bound.model.jnt_qposadr.tolist(), bound.model.nq][j : j + 2]
+    labels = scene.template.coordinates[at:stop]
     return {label.partition(".")[2]: float(x) for label, x in zip(labels, bound.place[at:], strict=False)}
 
 

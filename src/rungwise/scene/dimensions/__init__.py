@@ -1,0 +1,1 @@
+"""Dimensions of what scenes say: of the places in which numbers stand, and of expressions."""
