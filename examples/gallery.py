@@ -35,8 +35,10 @@ FRAMES, LAST, READ = 36, 1.6, 6.0
 SECONDS = 2.4
 FINE = 3
 """Frames are drawn so many times larger, and made smaller: that smooths edges."""
-WIDTH, HEIGHT, HEAD = 260, 190, 40
-"""Of a panel, and of the lines above it, in pixels."""
+WIDTH, HEIGHT = 260, 190
+"""Of a panel, in pixels."""
+LETTERS, LARGE = 14, 20
+"""Heights of letters in pixels; the larger ones are still read where a phone halves the three columns."""
 PLANS = Path(__file__).parents[1] / "docs" / "gallery"
 GOOD, BAD, LINE = "#007f5f", "#c14e00", "#e6e8eb"
 
@@ -163,12 +165,15 @@ def main(arguments: Sequence[str] | None = None, frames: int = FRAMES) -> int:
             file, columns = options.out / f"{name}.gif", DISAGREE
         else:
             file, columns = options.out / "gallery" / f"{name}.gif", tuple((p,) for p in GALLERY[name])
-        film(columns, file, frames, READ if name == "disagree" else LAST)
+        several = name == "disagree"
+        film(columns, file, frames, *((READ, LARGE) if several else (LAST, LETTERS)))
         print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
     return 0
 
 
-def film(columns: Sequence[Panels], file: Path, frames: int, last: float = LAST) -> None:
+def film(
+    columns: Sequence[Panels], file: Path, frames: int, last: float = LAST, letters: int = LETTERS
+) -> None:
     """Run the panels and write the picture. Panels of one scene show the same part of the world."""
     from PIL import Image
 
@@ -181,13 +186,13 @@ def film(columns: Sequence[Panels], file: Path, frames: int, last: float = LAST)
         scene: max(clips[p.key].time[-1] for column in columns for p in column if p.scene == scene)
         for scene in views
     }
-    pages = []
+    pages, high = [], HEIGHT + head(letters)
     for part in np.linspace(0.0, 1.0, frames):
-        page = Image.new("RGB", (len(columns) * WIDTH, len(columns[0]) * (HEIGHT + HEAD)), "white")
+        page = Image.new("RGB", (len(columns) * WIDTH, len(columns[0]) * high), "white")
         for across, column in enumerate(columns):
             for down, panel in enumerate(column):
-                one = draw(panel, clips[panel.key], part * ends[panel.scene], views[panel.scene])
-                page.paste(one, (across * WIDTH, down * (HEIGHT + HEAD)))
+                one = draw(panel, clips[panel.key], part * ends[panel.scene], views[panel.scene], letters)
+                page.paste(one, (across * WIDTH, down * high))
         pages.append(page)
     colours = pages[-1].quantize(128)
     pages = [page.quantize(palette=colours, dither=Image.Dither.NONE) for page in pages]
@@ -209,19 +214,25 @@ def movers(shown: Clip) -> Clip:
     return replace(shown, outlines=tuple(o for o in shown.outlines if shown.moving[o.body]))
 
 
-def draw(panel: Panel, shown: Clip, time: float, view: View) -> Image:
+def head(letters: int) -> int:
+    """Height of the two lines above a panel, in pixels."""
+    return round(2.86 * letters)
+
+
+def draw(panel: Panel, shown: Clip, time: float, view: View, letters: int = LETTERS) -> Image:
     """A panel at one time."""
     from PIL import Image, ImageDraw, ImageFont
 
-    page = Image.new("RGB", (WIDTH, HEIGHT + HEAD), "white")
-    page.paste(world(shown, time, view), (0, HEAD))
+    above, font = head(letters), ImageFont.load_default(letters)
+    page = Image.new("RGB", (WIDTH, HEIGHT + above), "white")
+    page.paste(world(shown, time, view), (0, above))
     pen = ImageDraw.Draw(page)
-    pen.text((10, 5), panel.head, INK, ImageFont.load_default(14))
+    pen.text((10, 5), panel.head, INK, font)
     if time >= shown.time[-1] * (1.0 - 1e-9):
         good = not panel.bad if panel.says else shown.outcome == "goal"
-        pen.text((10, 22), panel.says or shown.outcome, GOOD if good else BAD, ImageFont.load_default(14))
-    pen.line((WIDTH - 1, 0, WIDTH - 1, HEIGHT + HEAD), LINE)
-    pen.line((0, HEIGHT + HEAD - 1, WIDTH, HEIGHT + HEAD - 1), LINE)
+        pen.text((10, 8 + letters), panel.says or shown.outcome, GOOD if good else BAD, font)
+    pen.line((WIDTH - 1, 0, WIDTH - 1, HEIGHT + above), LINE)
+    pen.line((0, HEIGHT + above - 1, WIDTH, HEIGHT + above - 1), LINE)
     return page
 
 

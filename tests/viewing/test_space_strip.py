@@ -16,8 +16,8 @@ from PIL import Image
 from space_films import ball_and_box
 
 import rungwise as rw
-from rungwise.viewing.space.film import Film
-from rungwise.viewing.space.pictures import AXES, PIXELS, _picture, save_gif, sight_of, strip
+from rungwise.viewing.space.film import OPEN, Film
+from rungwise.viewing.space.pictures import AXES, NEAR, PIXELS, _picture, save_gif, sight_of, strip
 from rungwise.viewing.space.raster import paint
 
 
@@ -69,6 +69,20 @@ def test_a_strip_has_a_row_for_each_run_and_says_how_they_end(film: Film) -> Non
     k = len(film.time) - 1
     drawn = sum(len(line.get_xdata()) for line in figure.axes[2].lines if line.get_zorder() == 21)
     assert drawn == np.count_nonzero(film.touches.frame == k) > 0
+
+
+@pytest.mark.parametrize(("far", "seen"), [(0.9, True), (1.1, False)])
+def test_points_between_bodies_that_are_far_apart_are_not_drawn(film: Film, far: float, seen: bool) -> None:
+    assert film.gaps is not None
+    side = sight_of([film]).side
+    apart = replace(
+        film,
+        touches=replace(film.touches, mode=np.full_like(film.touches.mode, OPEN)),
+        gaps=np.full_like(film.gaps, far * NEAR * side),
+    )
+    figure = strip([apart], at=float(film.time[-1]))
+    drawn = sum(len(line.get_xdata()) for line in figure.axes[0].lines if line.get_zorder() == 21)
+    assert (drawn > 0) == seen
 
 
 def test_runs_in_space_go_to_png_and_gif_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from rungwise.viewing.plane.arrows import ARROW, LONGEST, MARKS, SHORTEST
 from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE, INK
 from rungwise.viewing.sheet import Look, save_moving, sheet, times_of
 from rungwise.viewing.space.extent import box, largest_force
-from rungwise.viewing.space.film import Film
+from rungwise.viewing.space.film import OPEN, Film
 from rungwise.viewing.space.raster import paint
 from rungwise.viewing.space.shapes import triangles, turned
 
@@ -34,6 +34,8 @@ SUN = np.array([-0.25, -0.6, 1.0]) / math.hypot(0.25, 0.6, 1.0)
 SHADE, LIT = 0.62, 0.38
 """Brightness of faces that turn away from the light, and how much brighter those are that it hits."""
 OPAQUE = np.ones(4)
+NEAR = 0.01
+"""Part of the larger side: points between bodies that are farther apart are not drawn, as they lie in the air."""
 FLOOR, CELLS = "#c9cdd3", 9
 """Colour of the grid that stands for a plane, and its cells along the larger side of the picture."""
 AXES = np.array(
@@ -197,6 +199,8 @@ def _round(x: float) -> float:
 def _touches(axes: Axes, film: Film, k: int, sight: Sight) -> None:
     touches = film.touches
     rows = np.flatnonzero(touches.frame == k)
+    if film.gaps is not None:
+        rows = rows[(touches.mode[rows] != OPEN) | ~(film.gaps[k, touches.pair[rows]] > NEAR * sight.side)]
     spots = touches.point[rows] @ AXES[:2].T
     for row, spot in zip(rows, spots, strict=True):
         force = touches.force[row]
