@@ -35,7 +35,7 @@ SHADE, LIT = 0.62, 0.38
 """Brightness of faces that turn away from the light, and how much brighter those are that it hits."""
 OPAQUE = np.ones(4)
 NEAR = 0.01
-"""Part of the larger side: points between bodies that are farther apart are not drawn, as they lie in the air."""
+"""Part of the larger side: points between bodies that are farther apart lie in the air and are not drawn."""
 FLOOR, CELLS = "#c9cdd3", 9
 """Colour of the grid that stands for a plane, and its cells along the larger side of the picture."""
 AXES = np.array(
