@@ -547,8 +547,9 @@ def test_sets_as_files(rungwise: Command, tmp_path: Path) -> None:
     assert one.json["files"] == [str(tmp_path / name) for name in ("a.csv", "b.obj", "c.html")]
     assert (tmp_path / "a.csv").read_text().startswith("v1,v2,kind,label,beyond,margin\n")
     three = rungwise(
-        "sets", "two_finger", "--model", "kinematic", "--solutions", "all", *SETS[4:], "--tol", 0.05, *files
-    )
+        "sets", "two_finger", "--model", "kinematic", "--solutions", "all", *SETS[4:], "--tol", 0.05, *files,
+        "--force",
+    )  # fmt: skip
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"a-kinematic.csv", "a-kinematic-possible.csv", "b-kinematic-guaranteed.obj"}
     assert three.out.count("wrote ") == 7

@@ -172,7 +172,9 @@ def test_command_saves_and_solves(
     assert found.status == "jammed" and isinstance(found.problem, Problem)
     assert command(monkeypatch, *sim, "--save-hard", folder) == 2
     last = capsys.readouterr().err.splitlines()[-1]  # lines about kernels that are compiled come before
-    assert last.startswith(f"rungwise: save_hard: {folder} holds 000000-step7500")
+    assert last == f"rungwise: save_hard: {folder} exists; --force overwrites it"
+    assert command(monkeypatch, *sim, "--save-hard", folder, "--force") == 1
+    assert len(list(Path(folder).iterdir())) == 13
     monkeypatch.setitem(sys.modules, "h5py", None)
     assert command(monkeypatch, *sim, "--save-hard", str(tmp_path / "other")) == 2
     printed = capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.arm_paths import arms_way
-from rungwise.planning.modes.fingers import fingers_of
+from rungwise.planning.modes.fingers import contacts_of, fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.task.task import task_of
 from rungwise.world.find import world_of
@@ -64,7 +64,9 @@ def test_joints_that_are_held_are_none_of_the_arm_and_what_hangs_on_them_is(tmp_
     assert finger.carrier.servos.lag == pytest.approx(2.4 / 20.0)
     assert [names[k] for k in ground.pairs] == [("world", "box")]
     assert ("box", "right") in [names[k] for k in ground.avoided]
-    assert {"upper", "hand", "right"} <= {name for k in ground.contacts_of(0) for name in names[k]}
+    assert {"upper", "hand", "right"} <= {
+        name for k in contacts_of(ground.fingers[0], ground.task, ground.around) for name in names[k]
+    }
 
 
 @pytest.mark.parametrize("told", ["0.002 * t", "0.01 * yaw"])
@@ -98,7 +100,7 @@ def test_links_of_an_arm_are_kept_off_what_is_on_their_way(tmp_path: Path) -> No
     q = world_of(ground.task.scene).at(ground.task.parameters).q
     finger = ground.fingers[0]
     ends = [finger.put(q, np.array([turn, -0.3, 1.2, -2.47, 0.0])) for turn in (-0.4, 0.4)]
-    own = ground.contacts_of(0)
+    own = contacts_of(finger, ground.task, ground.around)
     assert min(ground.around.least(end, own).min() for end in ends) > 0.0
     way = arms_way(ground, *ends, np.array([0]), 0, lambda: True)
     assert way is not None

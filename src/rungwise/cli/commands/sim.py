@@ -67,6 +67,9 @@ def sim(
             arg.writable(out)
             arg.unused(out, force)
         arg.unused_files(force, save_hard=save_hard)
+        if force and save_hard is not None:
+            for held in save_hard.glob("*.hdf5"):
+                held.unlink()
         simulation = simulation_of(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
