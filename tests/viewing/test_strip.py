@@ -9,7 +9,7 @@ import rungwise as rw
 from rungwise.viewing.plane.arrows import Arrows, arrows_at, draw_touches, short, view_of
 from rungwise.viewing.plane.clip import SHOWN_SLIP, Clip, clip
 from rungwise.viewing.sheet import SMALL
-from rungwise.viewing.units import common_units, titled
+from rungwise.viewing.units import titled, units_of
 
 matplotlib = pytest.importorskip("matplotlib")
 from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
@@ -66,6 +66,25 @@ def test_titles_of_axes_have_units_where_parameters_have_them() -> None:
     assert [titled(file, name) for name in ("v1", "mu", "x3")] == ["v1 [m/s]", "mu", "x3 [m]"]
 
 
+@pytest.mark.parametrize(
+    ("unit", "units", "found"),
+    [
+        ("m/s", None, ("m", "s", "N")),
+        ("deg", None, ("", "", "")),
+        ("1", None, ("", "", "")),
+        ("1", {"length": "mm"}, ("mm", "s", "")),
+        ("mm", {"length": "m"}, ("m", "s", "N")),
+    ],
+)
+def test_a_scene_counts_in_what_it_says_or_in_metres_kilograms_and_seconds(
+    unit: str, units: dict[str, str] | None, found: tuple[str, str, str]
+) -> None:
+    disc = {"role": "object", "shape": {"kind": "disc", "radius": 1.0}, "motion": {"kind": "free"}}
+    scene = {"name": "one", "bodies": {"disc": disc}, "parameters": {"p": {"default": 1.0, "unit": unit}}}
+    file = rw.load(scene | ({} if units is None else {"units": units})).file
+    assert tuple(units_of(file).values()) == found
+
+
 def test_arrows_lie_whole_in_the_frame_and_the_long_ones_are_broken(clips: list[Clip]) -> None:
     times = np.linspace(0.0, float(clips[0].time[-1]), 6).tolist()
     view = view_of(clips, times)
@@ -113,8 +132,5 @@ def test_texts_of_a_strip_stay_in_its_frames(clips: list[Clip]) -> None:
             assert frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
 
 
-def test_sizes_and_units_are_short() -> None:
+def test_sizes_are_short() -> None:
     assert [short(x) for x in (2678.9, 0.012345, 14.04, 3.2e7)] == ["2680", "0.0123", "14", "3.2e+07"]
-    units = common_units(["m/s", "1", "N*s/m", "kg"])
-    assert units == {"length": "m", "time": "s", "force": "N"}
-    assert common_units(["m", "mm/s"])["length"] == "" and common_units(["1"])["force"] == ""

@@ -1,12 +1,12 @@
-"""Units that a scene's parameters agree on, for the scales of its pictures."""
+"""Units in which a scene counts, for the scales of its pictures."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from typing import Any
 
-BASES = {"length": "m", "time": "s", "force": "N"}
+SI = {"length": "m", "time": "s", "force": "N"}
+ANGLES = {"rad", "deg"}
 
 
 def titled(file: Any, name: str) -> str:
@@ -16,19 +16,13 @@ def titled(file: Any, name: str) -> str:
 
 
 def units_of(file: Any) -> dict[str, str]:
-    """The units in which a scene says that it counts; else what its parameters agree on."""
-    if file.units is None:
-        return common_units(each.unit for each in file.parameters.values())
+    """The units of length, time and force in which a scene counts: what it says; without that metres,
+    kilograms and seconds if a parameter has a unit, else "", since such a scene may count in any."""
     own = file.units
+    if own is None:
+        found = any(
+            set(re.findall(r"[A-Za-zµ]+", each.unit or "")) - ANGLES for each in file.parameters.values()
+        )
+        return dict(SI) if found else dict.fromkeys(SI, "")
     is_si = (own.length, own.mass, own.time) == ("m", "kg", "s")
     return {"length": own.length, "time": own.time, "force": "N" if is_si else ""}
-
-
-def common_units(declared: Iterable[str]) -> dict[str, str]:
-    """The unit of lengths, times and forces: the one in the declared units, or "" for none or several."""
-    symbols = {symbol for unit in declared for symbol in re.findall(r"[A-Za-zµ]+", unit)}
-    found = {
-        kind: [symbol for symbol in symbols if re.fullmatch(f"[kMGcmuµn]?{base}", symbol)]
-        for kind, base in BASES.items()
-    }
-    return {kind: units[0] if len(units) == 1 else "" for kind, units in found.items()}
