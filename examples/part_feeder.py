@@ -73,7 +73,7 @@ def picture(file: Path, model: str, x: np.ndarray, y: np.ndarray, found: np.ndar
     for axes, arrival, title in ((first, 1.0, "closed end first"), (second, -1.0, "open end first")):
         run = rw.simulate(SCENE, model, parameters={"arrival": arrival}, tol=TOL, frames=2000)
         draw(axes, clip(run), f"{title}: {run.outcome}")
-    shown = right.pcolormesh(1e3 * x, 1e3 * y, found, vmin=0.0, vmax=1.0, cmap="cividis")
+    shown = right.pcolormesh(1e3 * x, 1e3 * y, found, vmin=0.0, vmax=1.0, cmap="GnBu")
     figure.colorbar(shown, ax=right, label="part of cups that leave closed end down")
     at = rw.load(SCENE).parameters()
     right.plot(1e3 * at["pin_x"], 1e3 * at["pin_y"], "o", mfc="white", mec=INK, label="the pin that ships")
