@@ -42,6 +42,14 @@ MODES = np.array([(122, 130, 140), (0, 114, 178), (193, 78, 0)], np.uint8)
 MODELS = ((0, 114, 178), (213, 94, 0), (0, 127, 95), (176, 80, 140), (138, 109, 0), (51, 51, 51))
 """Okabe and Ito's colours, as on the pages."""
 
+DARK = (
+    """<img hidden src="data:," onerror="const to = new window.URL(location.href);"""
+    """ if (matchMedia('(prefers-color-scheme: dark)').matches && !to.searchParams.has('darkMode'))"""
+    """ { to.searchParams.set('darkMode', ''); location.replace(to); }">"""
+)
+"""An element that adds `darkMode` to the page's address where the browser prefers dark: viser's client takes
+its colours from there, and its server, which shows one page to all browsers, is not told what they prefer."""
+
 
 def open_live(films: Sequence[Film], host: str = "127.0.0.1", port: int = 0) -> Live:
     """Show the films, of one scene on one rung each, in a live page; its address is the `url` of what is
@@ -162,6 +170,7 @@ class Live:
 
     def _controls(self) -> None:
         gui = self.server.gui
+        gui.add_html(DARK)
         labels = numbered([film.model for film in self.films])
         self._playing = gui.add_checkbox("play", False)
         step = self.end / 1000.0 or 1.0
