@@ -102,6 +102,21 @@ def test_expressions_and_conditions(units: dict[str, str], message: str) -> None
     assert str(error.value).startswith(message)
 
 
+@pytest.mark.parametrize("target", ["2 * t", "0.5 * t + a", "a + t"])
+def test_numbers_without_a_unit_may_have_any(target: str) -> None:
+    """As the rate of 2 rad/s in ``2 * t``."""
+    turns = {"angle": {"drive": SERVO | {"target": target}}}
+    parameters = {"a": {"default": 0.1, "unit": "rad"}}
+    rw.load(
+        PLANE | {"bodies": {"b": BODY | {"coordinates": turns}}, "contacts": [], "parameters": parameters}
+    )
+
+
+@pytest.mark.parametrize("goal", ["exp(-b.x) <= 1e-12", "b.x + b.angle <= 1", "b.x * b.y >= a"])
+def test_conditions_without_a_parameter_with_a_unit_may_mix(goal: str) -> None:
+    rw.load(PLANE | {"goal": goal, "parameters": {"a": {"default": 1, "unit": "1"}}})
+
+
 def test_a_parameter_that_feeds_places_of_two_dimensions() -> None:
     data = {**PLANE, "parameters": {"a": {"default": 1.0, "unit": "m"}}, "duration": "a"}
     data["bodies"] = {"b": BODY | {"shape": {"kind": "disc", "radius": "a"}}}

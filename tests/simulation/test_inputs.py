@@ -200,6 +200,7 @@ def arm(drive: str) -> rw.Scene:
     for joint in ("shoulder", "elbow"):
         field = "target" if "stiffness" in DRIVES[drive] else drive
         file["joints"][joint]["coordinate"]["drive"] = DRIVES[drive] | {field: joint}
+        file["parameters"][joint].pop("unit", None)  # an angle in the library
     return rw.load(file | {"inputs": ["shoulder", "elbow"]})
 
 

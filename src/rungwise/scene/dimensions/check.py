@@ -26,7 +26,8 @@ _ABOUT = re.compile(r"atan2\(2 \* (\w+)\.qw \* \1\.q([xyz]), .*?\.q\2 \* \1\.q\2
 
 def check_dimensions(scene: AnyScene) -> None:
     """Raise SceneError, with the field, for a parameter whose unit does not fit a place that it feeds. A
-    parameter without a unit, or with the unit 1, fits all."""
+    parameter without a unit, or with the unit 1, fits all; so do expressions without such a parameter, whose
+    numbers may have any unit, as the time in ``2 * t``."""
     if not isinstance(scene.file, SceneFile | SpaceFile | Stated):
         return
     units = {name: each.unit for name, each in scene.file.parameters.items() if each.unit != "1"}
@@ -39,9 +40,10 @@ def check_dimensions(scene: AnyScene) -> None:
         _check(place, units, known, found)
     for field in CONDITIONS:
         text = getattr(scene.file, field)
-        if text is not None:
+        tree = None if text is None else parsed(text)
+        if tree is not None and _named(tree, units):
             try:
-                check_condition(parsed(text), known)
+                check_condition(tree, known)
             except Mixed as mixed:
                 raise SceneError(f"{field}: {_mixed(mixed, units)}") from None
 
@@ -49,7 +51,6 @@ def check_dimensions(scene: AnyScene) -> None:
 def _lookup(units: Mapping[str, str], coordinates: Mapping[str, Kind]) -> Lookup:
     powers = {name: Powers(*measured(unit).powers) for name, unit in units.items()}
     powers |= {name: kind.powers for name, kind in coordinates.items()}
-    powers["t"] = Powers(0, 0, 1)
     functions = {"gap": Powers(1), "force": Powers(1, 1, -2), "impulse": Powers(1, 1, -1)}
 
     def known(name: str) -> Powers | None:
@@ -82,7 +83,7 @@ def _coordinates(scene: AnyScene) -> dict[str, Kind]:
 def _check(place: Place, units: Mapping[str, str], known: Lookup, others: list[Place]) -> None:
     try:
         tree = parsed(place.text)
-        own = dimension(tree, known)
+        own = dimension(tree, known) if _named(tree, units) else None
     except Mixed as mixed:
         raise SceneError(f"{place.path}: {_mixed(mixed, units)}") from None
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -124,8 +125,13 @@ def _shown(node: ast.expr) -> str:
 
 def _stated(tree: ast.AST, units: Mapping[str, str]) -> str:
     """The parameters of an expression, with their units."""
-    names = dict.fromkeys(n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in units)
+    names = _named(tree, units)
     return f" ({', '.join(f'parameters.{name}.unit: {units[name]}' for name in names)})" if names else ""
+
+
+def _named(tree: ast.AST, units: Mapping[str, str]) -> list[str]:
+    """The parameters with a unit that an expression names."""
+    return list(dict.fromkeys(n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in units))
 
 
 def _written(powers: Powers) -> str:

@@ -47,8 +47,9 @@ DARK = (
     """ if (matchMedia('(prefers-color-scheme: dark)').matches && !to.searchParams.has('darkMode'))"""
     """ { to.searchParams.set('darkMode', ''); location.replace(to); }">"""
 )
-"""An element that adds `darkMode` to the page's address where the browser prefers dark: viser's client takes
-its colours from there, and its server, which shows one page to all browsers, is not told what they prefer."""
+"""An element that adds ``darkMode`` to the page's address where the browser prefers dark: viser's client
+takes its colours from there, and its server, which shows one page to all browsers, is not told what they
+prefer."""
 
 
 def open_live(films: Sequence[Film], host: str = "127.0.0.1", port: int = 0) -> Live:
