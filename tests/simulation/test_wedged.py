@@ -40,6 +40,19 @@ def test_wedged_boxes_end_rollouts(count: int) -> None:
     compare(found, count // 4)
 
 
+def test_a_jam_is_told_where_other_short_steps_stand_between_the_refused_ones() -> None:
+    """A draw that takes a thousand attempts if one such step makes up for one without solution."""
+    rng, draw = np.random.default_rng(8), slice(83, 84)
+    posts = {"post1_x": rng.uniform(0.118, 0.125, 100)[draw], "post1_y": rng.uniform(0.042, 0.05, 100)[draw]}
+    turns = (np.array([0.887, -0.504]) + rng.uniform(-0.1, 0.1, (100, 2)))[draw]
+    heading = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    found = rw.rollout(
+        "push", "quasistatic-rigid", inputs=heading, durations=[1.346, 6.0], parameters=START | posts,
+        tol=TOL, threads=1,
+    )  # fmt: skip
+    compare(found, 1)
+
+
 def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long() -> None:
     """Here each step that has a solution moves the box by some hundredths of the tolerance, in place of a
     longer one without: thousands of them before nothing moves."""
