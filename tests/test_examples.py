@@ -16,6 +16,7 @@ import pytest
 
 import rungwise as rw
 from rungwise import deadline
+from rungwise.world.find import world_of
 from tests.pages import same
 
 ROOT = Path(__file__).parent.parent
@@ -144,15 +145,32 @@ def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
 
 
 @pytest.mark.few(2)
-@pytest.mark.parametrize("name", ["card", "book", "corner_pivot", "corridor", "planar_hand", "floor_push"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "card",
+        "book",
+        "corner_pivot",
+        "corridor",
+        "planar_hand",
+        "floor_push",
+        "hand_turn",
+        "door",
+        "ball_turn",
+    ],
+)
 def test_the_benchmark_of_feedback_varies_starts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bodies are apart at all starts, and the object lies elsewhere."""
+    """Bodies are apart at all starts, and object and robot are elsewhere."""
     scene = script("benchmarks/feedback.py", monkeypatch).varied(name)
     errors = [each for each in scene.file.task.uncertain if each.startswith("error_")]
     low = {each: scene.file.task.uncertain[each].uniform[0] for each in errors}
     start, other = rw.State.of(scene), rw.State.of(scene, parameters=low)
     assert errors and not rw.geometry(scene, other, low).collides[0]
     assert abs(start.q - other.q).max() == pytest.approx(max(abs(x) for x in low.values()), rel=0.6)
+    robots = [
+        k for k, label in enumerate(start.names) if world_of(scene).roles()[label.split(".")[0]] == "robot"
+    ]
+    assert name == "planar_hand" or abs(start.q - other.q)[robots].max() > 1e-3
 
 
 def test_places_of_the_pin_of_the_part_feeder(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:

@@ -86,8 +86,10 @@ def test_inertias_of_a_part_that_no_body_can_have_are_balanced_and_a_remark_says
     assert not _loaded(_folder(tmp_path / "other")).bind().notes
 
 
-@pytest.mark.parametrize("place", [None, 0.4])
-def test_servos_hold_joints_where_the_scene_puts_them(tmp_path: Path, place: float | None) -> None:
+@pytest.mark.parametrize(("place", "begun"), [(None, 0.0), (0.4, 0.4), ("height / 10 + 0.1", 0.4)])
+def test_servos_hold_joints_where_the_scene_puts_them(
+    tmp_path: Path, place: float | str | None, begun: float
+) -> None:
     start = {} if place is None else {"places": {"arm_l1.arm_j_1": place}}
     servos = {"*_j.1": {"stiffness": "100 * height", "damping": 5}, "arm_*": {"stiffness": 7, "force": 2}}
     scene = _loaded(
@@ -96,7 +98,7 @@ def test_servos_hold_joints_where_the_scene_puts_them(tmp_path: Path, place: flo
         start=start,
     )
     assert scene.template.inputs == ("arm_j_1", "arm_j_2")
-    assert scene.file.parameters["arm_j_1"].default == (place or 0.0)
+    assert scene.file.parameters["arm_j_1"].default == pytest.approx(begun)
     assert scene.file.parameters["arm_j_1"].range == (-0.5, 0.7)
     model = scene.bind().model
     np.testing.assert_array_equal(model.actuator_gainprm[:, 0], [300.0, 7.0])
@@ -104,7 +106,7 @@ def test_servos_hold_joints_where_the_scene_puts_them(tmp_path: Path, place: flo
     np.testing.assert_array_equal(model.actuator_forcerange[1], [-2.0, 2.0])
     np.testing.assert_array_equal(model.dof_damping[-2:], 0.5)
     run = rw.simulate(scene, "dynamic-rigid", duration=0.2)
-    assert run.final["arm_l1"]["arm_j_1"] == pytest.approx(place or 0.0, abs=1e-6)
+    assert run.final["arm_l1"]["arm_j_1"] == pytest.approx(begun, abs=1e-6)
 
 
 def test_bounds_of_inputs_may_be_given_by_patterns(tmp_path: Path) -> None:

@@ -28,8 +28,9 @@ HOMES = {1: [(-0.2, 0.0)], 2: [(-0.2, 0.0), (0.2, 0.0)], 3: [(-0.2, 0.0), (0.1, 
 
 
 def fingers(
-    folder: Path, count: int, goal: str, body: str = BOX, high: float = 0.04, others: str = ""
-) -> SpaceScene:
+    folder: Path, count: int, goal: str, body: str = BOX, high: float = 0.04, others: str = "",
+    friction: float = 0.4,
+) -> SpaceScene:  # fmt: skip
     """A body on a floor, and fingers on three slides each with servos."""
     bodies, drives, names = list[str](), list[str](), list[str]()
     for k, (x, y) in enumerate(HOMES[count]):
@@ -55,7 +56,7 @@ def fingers(
         "name": "fingers", "model": {"file": str(folder / "fingers.xml")}, "inputs": names,
         "parameters": {name: {"default": 0.0, "range": [-0.5, 0.5]} for name in names},
         "controls": {name: name for name in names},
-        "contacts": [{"between": ["object", "floor"], "friction": 0.4, **law}, {"friction": 0.8, **law}],
+        "contacts": [{"between": ["object", "floor"], "friction": friction, **law}, {"friction": 0.8, **law}],
         "goal": goal, "duration": 4.0, "step": 2e-3,
         "task": {
             "fingers": {"finger*": {"speed": 0.1, "clearance": 0.015, "press": [0.05, 8]}}, "moves": [1, 6],
@@ -182,6 +183,31 @@ def test_a_push_behind_the_centre_leads_ahead_and_one_beside_it_turns(tmp_path: 
         assert found.change[2:5] == pytest.approx(0.0, abs=1e-9)
         turned.append(found.change[5] / found.change[0])
     assert abs(turned[0]) < 2.0 and turned[1] < 0.0 < turned[2]
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("seed", range(12))
+def test_a_finger_that_presses_on_top_drags_against_the_friction_of_its_own_load(
+    tmp_path: Path, seed: int
+) -> None:
+    """The floor resists with its friction times weight and load. Where it has as much friction as the finger,
+    no load is enough."""
+    rng = np.random.default_rng(seed)
+    x, y, z = rng.uniform(0.05, 0.07), rng.uniform(0.03, 0.05), rng.uniform(0.01, 0.03)
+    mass, way = rng.uniform(0.1, 1.0), rng.uniform(0.0, 2.0 * math.pi)
+    body = f'<geom name="object" type="box" size="{x} {y} {z}" mass="{mass}"/>'
+    want = 0.1 * np.array([math.cos(way), math.sin(way), 0.0, 0.0, 0.0, 0.0])
+    for friction, drags_on in ((0.4, True), (rng.uniform(0.1, 0.5), True), (0.9, False)):
+        ground, seen = ground_of(fingers(tmp_path, 1, "object.x >= 1", body, z, friction=friction))
+        ground = replace(ground, fingers=tuple(replace(each, press=(0.0, 1e3)) for each in ground.fingers))
+        off = rng.uniform(-0.1, 0.1, 2) * [x, y]
+        begun, used = touching(ground, seen.q, [np.array([*off, z])])
+        found = motion(ground, begun, used, (SLIDE,) * len(seen.closed), want, 0.05)
+        assert (found is not None) == drags_on
+        if found is not None:
+            *along, down = found.pushes[ground.fingers[0].moved]
+            load = mass * 9.81 - down
+            assert down < 0.0 and math.hypot(*along) == pytest.approx(friction * load, rel=0.05)
 
 
 @pytest.mark.parametrize("own", [True, False])

@@ -82,6 +82,7 @@ def test_mujoco_beside_it_and_keyframes_have_the_activations(make: Make) -> None
     )  # fmt: skip
     run = rw.simulate(scene, rw.DYNAMIC_RIGID)
     found = rw.replay(run)
+    assert found.end is not None and found.end.time == pytest.approx(run.frames[-1].time)
     assert np.isnan(found.parts), found
     model = mujoco.MjModel.from_xml_string(run.mjcf([0.0, 0.3]))
     assert model.key_act[0].tolist() == [0.4, 0.0]

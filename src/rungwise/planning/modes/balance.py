@@ -45,6 +45,10 @@ from rungwise.world.carriers import frame_of
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
 
+SETTLED, LOADINGS = 0.01, 30
+"""Part of the weight by which the load of a support may still grow as its friction, and with it what fingers
+press with, is known better; and how often it is known better at most."""
+
 
 class Motion(NamedTuple):
     """A change (k,) of the object, what fingers press with on their own coordinates (n,), and the contacts by
@@ -89,9 +93,12 @@ def drags(ground: Ground, seen: Seen, mode: tuple[int, ...]) -> bool:
     return _dragged(ground, seen, np.array(mode, np.int64), _seen(ground, seen)) is not None
 
 
-def _dragged(ground: Ground, seen: Seen, mode: Ints, memory: Memory) -> tuple[Reals, float] | None:
-    """See `drags`: the support that contacts are; None in the plane, where fingers lead all motions."""
-    weight = seen.touches.loads[ground.columns] / ground.units
+def _dragged(
+    ground: Ground, seen: Seen, mode: Ints, memory: Memory, pressed: Reals | float = 0.0
+) -> tuple[Reals, float] | None:
+    """See `drags`: the support that contacts are, to the weight and what fingers press with (k,); None in the
+    plane, where fingers lead all motions."""
+    weight = seen.touches.loads[ground.columns] / ground.units + pressed
     return support_by_contacts(mode, weight, memory) if len(ground.turns) else None
 
 
@@ -128,9 +135,7 @@ def _held_motion(
     support, memory = carried(ground, seen), _seen(ground, seen)
     bind(ground, seen, held, memory)
     if support is None and len(ground.turns) and not is_led_by(ground, seen, held, mode):
-        support = _dragged(ground, seen, mode, memory)
-        found = support and _on_support(ground, seen, held, mode, want, support, memory)
-        return found if found and _stands(ground, seen, mode, held, found, memory) else None
+        return _dragged_motion(ground, seen, held, mode, want, memory)
     if support is not None:
         return _on_support(ground, seen, held, mode, want, support, memory)
     change = np.empty(len(want))
@@ -138,6 +143,41 @@ def _held_motion(
         return None
     pushes = _balanced(ground, seen, held, mode, change, press, memory)
     return None if pushes is None else Motion(change / ground.units, pushes, held.led)
+
+
+def _dragged_motion(
+    ground: Ground, seen: Seen, held: Grip, mode: Ints, want: Reals, memory: Memory
+) -> Motion | None:
+    """See `motion`, of an object that fingers drag over contacts, whose friction grows as they press on it;
+    None where no force is enough, as where the object sticks to its support rather than to its fingers."""
+    pressed = np.zeros(len(want))
+    for _ in range(LOADINGS):
+        support = _dragged(ground, seen, mode, memory, pressed)
+        found = support and _on_support(ground, seen, held, mode, want, support, memory)
+        if not found:
+            return None
+        before, pressed = pressed, _pressing(ground, seen, held, memory)
+        weight = np.linalg.norm(seen.touches.loads[ground.columns] / ground.units)
+        if np.linalg.norm(pressed - before) <= SETTLED * weight:
+            return found if _stands(ground, seen, mode, held, found, memory) else None
+        memory = _seen(ground, seen)
+        bind(ground, seen, held, memory)
+    return None
+
+
+def _pressing(ground: Ground, seen: Seen, held: Grip, memory: Memory) -> Reals:
+    """What the forces of fingers, from the `share` of their edges, add to the weight (k,), over units: their
+    parts along it, each where the finger touches."""
+    sides, own = len(memory.ring), ground.columns[:3]
+    loads = seen.touches.loads[own]
+    down = loads / (float(np.linalg.norm(loads)) or 1.0)
+    total = np.zeros(len(ground.columns))
+    for k, contact in enumerate(held.contacts):
+        edges = slice(sides * k, sides * (k + 1))
+        force = memory.share[edges] @ memory.edges[edges, :3] * ground.units[:3]
+        rows = seen.touches.rows[contact, :3]
+        total += (force @ down) * (rows[:, own] @ down) @ rows[:, ground.columns]
+    return np.asarray(total / ground.units)
 
 
 def _stands(ground: Ground, seen: Seen, mode: Ints, held: Grip, found: Motion, memory: Memory) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from rungwise.scene.errors import SceneError
@@ -20,7 +21,7 @@ from rungwise.scene.space.labels import Labels, as_labels, label, labels
 from rungwise.scene.space.mujoco_model import LIBRARY, compiled, no_file
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
-from rungwise.scene.stated import NameTemplate
+from rungwise.scene.stated import NameTemplate, Numbers
 from rungwise.scene.template.task import check_fingers, check_task
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     refuse(model)
     names = labels(model)
     if "controls" not in file.model_fields_set and names.actuators:
-        file = _checked(_with_inputs(data, model, names))
+        file = _checked(_with_inputs(data, file, model, names))
     scene = SpaceScene(file, _template(file, model, names), folder, names, spec.to_xml())
     try:
         check_names(scene, spec, model)
@@ -151,7 +152,7 @@ def _of_model(path: Path) -> SpaceScene:
     return _scene({"name": label(path.stem), "model": {"file": path.name}}, path.parent)
 
 
-def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
+def _with_inputs(data: Any, file: SpaceFile, model: mujoco.MjModel, names: Labels) -> Any:
     """The content of a scene that states no controls, with its actuators as inputs: parameters of their
     names, of which each is what the keyframe says, or for a servo the place that the scene gives its joint,
     or else 0, within the actuator's range."""
@@ -160,10 +161,12 @@ def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
     key = (data.get("start") or {}).get("keyframe")
     keys = [k for k in range(model.nkey) if model.key(k).name == key]
     parameters, controls = {}, {}
+    defaults = np.array([*(each.default for each in file.parameters.values()), 0.0])
+    number = Numbers(_template(file, model, names).names(), defaults)
     for a, name in enumerate(names.actuators):
         low, high = (float(x) for x in model.actuator_ctrlrange[a])
         own = f"u_{name}" if name in taken else name
-        told = float(model.key_ctrl[keys[0], a]) if keys else _begun(data, model, names, a)
+        told = float(model.key_ctrl[keys[0], a]) if keys else _begun(file, number, model, names, a)
         parameters[own] = {"default": told, "about": f"control of {name}"}
         if model.actuator_ctrllimited[a]:
             parameters[own] |= {"default": min(max(told, low), high), "range": (low, high)}
@@ -172,12 +175,17 @@ def _with_inputs(data: Any, model: mujoco.MjModel, names: Labels) -> Any:
     return data | {"parameters": given | parameters, "inputs": inputs, "controls": controls}
 
 
-def _begun(data: Any, model: mujoco.MjModel, names: Labels, number: int) -> float:
-    """The place that a scene gives the joint of a servo as a plain number; 0 where it gives none."""
-    is_servo = model.actuator_biasprm[number, 1] < 0.0 and model.actuator_trntype[number] == OF_JOINT
-    if not is_servo or model.actuator_gear[number, 0] != 1.0:
+def _begun(
+    file: SpaceFile, number: Numbers, model: mujoco.MjModel, names: Labels, actuator: int
+) -> float:  # fmt: skip
+    """The place that a scene gives the joint of a servo, at the defaults of its parameters; 0 where it gives
+    none, or one that is refused later."""
+    is_servo = model.actuator_biasprm[actuator, 1] < 0.0 and model.actuator_trntype[actuator] == OF_JOINT
+    if not is_servo or model.actuator_gear[actuator, 0] != 1.0:
         return 0.0
-    joint = int(model.actuator_trnid[number, 0])
+    joint = int(model.actuator_trnid[actuator, 0])
     label = names.coordinates[int(model.jnt_qposadr[joint])]
-    place = ((data.get("start") or {}).get("places") or {}).get(label, 0.0)
-    return float(place) if isinstance(place, int | float) else 0.0
+    try:
+        return number.one(file.start.places.get(label, 0.0), f"start.places.{label}")
+    except SceneError:
+        return 0.0

@@ -27,6 +27,7 @@ from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.memory import activations
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.state import State
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class Replay:
     name; reasons: the differences there, a line each; outcome: of the other simulator: `goal` if its end
     meets the scene's goal, or if it does so while inputs go on that the run did not need any more; `timeout`
     if the scene has no goal; `running` if a limit in seconds ended it: `unfinished` then names the rest, and
-    times are those of the frames that it reached.
+    times are those of the frames that it reached. end: the other simulator's last state.
     """
 
     run: SpaceRun
@@ -66,6 +67,7 @@ class Replay:
     reasons: tuple[str, ...]
     outcome: str
     unfinished: str = ""
+    end: State | None = field(default=None, repr=False)
 
     @property
     def ok(self) -> bool:
@@ -141,7 +143,10 @@ def replay(
         number = int(np.argmax(apart[k]))
         parts, body = float(times[k]), run.scene.labels.bodies[number]
         reasons = _reasons(course, run.frames[max(k - 1, 0)], states[max(k - 1, 0)])
-    return Replay(run, in_, course.settings, times, apart, parts, body, tuple(reasons), outcome, unfinished)
+    return Replay(
+        run, in_, course.settings, times, apart, parts, body, tuple(reasons), outcome, unfinished,
+        course.end(),
+    )  # fmt: skip
 
 
 def _followed(course: _Course, frames: Sequence[Frame]) -> tuple[list[_Place], str, str]:
@@ -195,6 +200,11 @@ class _Course:
         core = first.memory[memory_parts(self.run.scene).core]
         self.data.act[:] = activations(core, self.model.na)
         return _Place(first.q, first.v, self.bound.control.copy())
+
+    def end(self) -> State:
+        """Where MuJoCo is now."""
+        d = self.data
+        return State(self.run.scene.template.coordinates, d.qpos.copy(), d.qvel.copy(), float(d.time))
 
     def at(self, time: float) -> _Place:
         """Go on to a time. Raises TimeOver."""
