@@ -21,7 +21,7 @@ from rungwise.contact.analysis.pieces import Polyhedron, dimensions, holds_in_ow
 from rungwise.contact.analysis.sensitivity import Sensitivity, _clear_inverse
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.certificate import check as certified
-from rungwise.contact.judge.farkas import HULL, excludes, excludes_given
+from rungwise.contact.judge.farkas import HULL, _lifting, excludes, excludes_given
 from rungwise.contact.judge.find_certificates import _decided
 from rungwise.contact.judge.residuals import imbalance, judge, own_terms
 from rungwise.contact.lemke import lemke
@@ -111,6 +111,22 @@ def agrees(e: float) -> bool:
     found = Sensitivity(resting(0.0, 0.0), np.zeros(2), np.array([1.0, 0.0, 1.0, 0.0]), NONE)
     w = np.array([1e-4, 0.0, 1e-4 + e, 0.0])
     return bool(np.isfinite(found.forward({"w": np.ones(4)}, w=w).v).all())
+
+
+def does_not_close(e: float) -> bool:
+    """Whether a contact is not closed by two speeds of one whose sum is -e."""
+    p = allocate_problem(2, 1, 0)
+    p.H[:], p.W[0] = np.eye(2), 1.0
+    found = Sensitivity(p, np.zeros(2), np.zeros(2), NONE).forward(c=np.array([1.0, -1.0 - e]))
+    return not found.force.any()
+
+
+def is_left_out(e: float) -> bool:
+    """Whether a proof without rounding leaves out a multiplier that adds e / 2 to the pull of another one."""
+    A = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [1.0, e, 1.0]])
+    problem, system = SimpleNamespace(A=A, b=np.zeros(3)), SimpleNamespace(kept=np.zeros(1, np.int64))
+    lift: Any = _lifting
+    return bool(lift(problem, system)(np.ones(1))[1][2] == 0.0)
 
 
 def yields_in_one_way(e: float) -> bool:
@@ -257,6 +273,8 @@ SIDES: dict[str, tuple[Number, float, float]] = {
     "a share of nothing": (gets_no_share, 1e-8, 1e-6),
     "what is determined": (has_a_gradient, 1e-7, 1e-5),
     "changes that agree": (agrees, 1e-9, 1e-7),
+    "a rate that is rounding": (does_not_close, 2e-13, 2e-11),
+    "a multiplier that is rounding": (is_left_out, 2e-14, 2e-12),
     "a compliance of rank one": (yields_in_one_way, 1e-13, 1e-11),
     "a compliance that is symmetric": (is_symmetric, 1e-10, 1e-8),
     "a singular block": (

@@ -74,3 +74,20 @@ def test_images_enter_the_next_cell_beyond_rounding_of_a_cell(beyond: float, cel
             )  # fmt: skip
             first, last, _ = Images._image(own, np.zeros(0))
             assert (last - first)[3] + 1 == cells
+
+
+def test_runs_of_sets_are_as_exact_as_their_boundaries() -> None:
+    """A body on a spring of frequency one, which goes as far as it is fast: with a sixth of the steps, the
+    boundary is off by more than it is located."""
+    body = {"role": "object", "shape": {"kind": "disc", "radius": 0.1}, "mass": 1.0}
+    moves = {"motion": {"kind": "slide", "axis": [1, 0], "name": "x"}, "coordinates": {"x": {"speed": "v"}}}
+    fields = {
+        "name": "spring", "parameters": {"v": {"default": 1.0}}, "bodies": {"one": body | moves},
+        "potentials": [{"terms": {"one.x": 1.0}, "stiffness": 1.0, "on": ["one.x"]}],
+        "goal": "one.x >= 1", "duration": 3.0,
+    }  # fmt: skip
+    scene = rw.load(fields)
+    found = rw.feasible_set(scene, "dynamic-rigid", ["v"], box={"v": (0.5, 1.5)}, tol=0.004, threads=1)
+    assert found.volumes()["feasible"] == pytest.approx(0.5, abs=0.002)
+    steps = len(rw.simulate(scene, "dynamic-rigid", tol=found.request["accuracy"]).trajectory.time)
+    assert steps < 200

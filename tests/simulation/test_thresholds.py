@@ -251,3 +251,13 @@ def test_runs_of_half_a_million_steps_come_to_their_end() -> None:
         own = Workers(scene, rw.KINEMATIC, ("v",), None, threads=1, step=0.5 / steps)
         found = own.run(np.ones((1, 1)))
         assert (found.results["outcome"][0] != Code.NOT_CONVERGED) == ends
+
+
+def test_derivatives_by_parameters_keep_nine_digits() -> None:
+    """Of gravity that is a sine: changes a hundred times as great see its curvature, or as small rounding."""
+    body = {"role": "object", "shape": {"kind": "disc", "radius": 1.0}, "mass": 1.0}
+    slides = {"motion": {"kind": "slide", "axis": [1, 0]}}
+    falls = {"name": "falls", "parameters": {"a": {"default": 1.0}}, "gravity": ["sin(a)", 0], "step": 0.1}
+    scene = rw.load(falls | {"bodies": {"one": body | slides}})
+    found = rw.step_sensitivity(scene, rw.DYNAMIC_RIGID, None, [0.0], [1.0], 0.1, wrt=("parameters",))
+    assert found.dv["parameters"][0, 0] == pytest.approx(0.1 * np.cos(1.0), rel=1e-9, abs=0.0)

@@ -39,9 +39,6 @@ _START, _SOLVE, _REFINE = 0, 1, 2
 _NEAR, _FINEST, _STEPS = 0.1, 1e-17, 4
 """Residual from which on an answer is refined, the residual that ends refinement, and the most steps.
 In scaled units: the second is below one rounding of double precision; the others are chosen by trial."""
-_NOTHING = 2.0**-50
-"""A force that is nearer to its limit than this share of the largest force is at its limit: the rest is
-rounding, at most eight units of double precision."""
 _REST = np.zeros(LARGEST)
 
 
@@ -160,7 +157,7 @@ def solve_dense(
             else:
                 done = _pivot(matrix, offset, scaled, MARGIN**2 * tol, best)
         if attempt != _START:
-            settle(best, rows, scaled.lower, scaled.upper, _NOTHING)
+            settle(best, rows, scaled.lower, scaled.upper, NOTHING)
             for i in range(k):
                 x[kept[i]] = best[i] * force[i]
             if g > 0:

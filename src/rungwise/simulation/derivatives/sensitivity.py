@@ -26,7 +26,7 @@ from rungwise.scene import Scene
 from rungwise.scene.read import load_planar
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
-from rungwise.simulation.core.tolerances import LINEARISATIONS
+from rungwise.simulation.core.tolerances import LINEARISATIONS, ROUNDING
 from rungwise.simulation.derivatives.assembly import Assembly, Held, Start
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity
 from rungwise.simulation.options import ModelError
@@ -37,9 +37,6 @@ from rungwise.wording import choices
 
 Array: TypeAlias = NDArray[np.float64]
 WRT = ("q", "v", "inputs", "parameters")
-_SAME = 1e-11
-"""Difference of two solved speeds, over the greatest speed, up to which a step counts as repeated. Chosen by
-trial, to a decade."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -199,7 +196,7 @@ def _differentiated(
         turn[free] = change.v
         trial = speed
         off, size = (np.abs(changes.lever * x).max(initial=0.0) for x in (speed - went, went))
-        if off <= _SAME * size + quantum:
+        if off <= ROUNDING * size + quantum:
             break
         if not here.rung[0]["metric"]:
             raise ModelError("step: it could not be repeated")
