@@ -90,6 +90,16 @@ class Found(NamedTuple):
     features: Ints
 
 
+class Sides(NamedTuple):
+    """Two shapes that face each other: the one whose edge or vertex is named first, and the other; `sign` is
+    +1 where the first belongs to body b, -1 otherwise; the outlines (vertices, 4) of all shapes."""
+
+    shape: Record
+    other: Record
+    sign: float
+    outline: Reals
+
+
 Separation: TypeAlias = tuple[float, int, int]
 """The best separating edge of a shape: least height of a vertex of the other over it, the edge (-1 if there
 is none), and that vertex."""
@@ -129,10 +139,10 @@ def manifold(a: Record, b: Record, outline: Reals, found: Found) -> int:
     found.features[0] = found.features[1] = ABSENT
     of_a, of_b = _best_edge(a, b, outline), _best_edge(b, a, outline)
     if of_a[1] < 0 and of_b[1] < 0:
-        return closest_vertices(b, a, 1.0, outline, found)
+        return closest_vertices(Sides(b, a, 1.0, outline), found)
     if of_a[0] >= of_b[0]:
-        return _from_edge(a, b, of_a, -1.0, outline, found)
-    return _from_edge(b, a, of_b, 1.0, outline, found)
+        return _from_edge(Sides(a, b, -1.0, outline), of_a, found)
+    return _from_edge(Sides(b, a, 1.0, outline), of_b, found)
 
 
 @kernel
@@ -147,62 +157,75 @@ def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int
     if shape.kind == HALFPLANE:
         count = 1
     for i in range(first, first + count):
-        x, y, nx, ny = outline[i, 0], outline[i, 1], outline[i, 2], outline[i, 3]
-        least, deepest = math.inf, other.first
-        for j in range(other.first, other.end):
-            d = nx * (outline[j, 0] - x) + ny * (outline[j, 1] - y)
-            if d < least:
-                least, deepest = d, j
+        least, deepest = deepest_vertex(i, other, outline)
         if least > best:
             best, best_edge, best_vertex = least, i, deepest
     return best, best_edge, best_vertex
 
 
-@kernel
-def _from_edge(
-    shape: Record, other: Record, best: Separation, sign: float, outline: Reals, found: Found
-) -> int:
-    """Points on the best edge of `shape`: ends of the stretch where it faces the nearest edge of `other`.
+@inner_kernel
+def deepest_vertex(edge: int, other: Record, outline: Reals) -> tuple[float, int]:
+    """Least height of a vertex of `other` over the edge, and the vertex."""
+    least, deepest = math.inf, other.first
+    for j in range(other.first, other.end):
+        d = height(edge, j, outline)
+        if d < least:
+            least, deepest = d, j
+    return least, deepest
 
-    `sign` is +1 where the normal of `shape` points from b to a.
-    """
+
+@kernel
+def _from_edge(sides: Sides, best: Separation, found: Found) -> int:
+    """Points on the best edge of the shape: ends of the stretch where it faces the nearest edge of the
+    other."""
+    shape, other, outline = sides.shape, sides.other, sides.outline
     (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     if other.end - other.first == 1:
         if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
-            return closest_vertices(shape, other, sign, outline, found)
-        features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+            return closest_vertices(sides, found)
+        features[0] = put(edge, vertex, sides, points[0])
         return 1
     facing = more_opposed(edge, vertex_before(other, vertex), vertex, outline)
     faces = edge, facing, facing, next_vertex(other, facing), edge, next_vertex(shape, edge)
     over = _ends_over(shape, faces, outline)
-    first, least = -1, math.inf
-    for k in range(4):
-        if over[k]:
-            e, j = end_of(k, faces)
-            distance = height(e, j, outline)
-            owner = other if k >= 2 else shape
-            if distance < least and (k < 2 or gap <= 0.0 or _is_over(owner, e, j, outline)):
-                first, least = k, distance
+    near = over
+    if gap > 0.0:
+        start = over[2] and _is_over(other, facing, faces[4], outline)
+        near = over[0], over[1], start, over[3] and _is_over(other, facing, faces[5], outline)
+    first, least = lowest_end(near, faces, outline)
     if first >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, vertex, outline)):
-        features[0] = put_end(first, faces, shape, other, sign, outline, points[0])
+        features[0] = put_end(first, faces, sides, points[0])
         _, nearest = end_of(first, faces)
     elif apart:
-        closest_vertices(shape, other, sign, outline, found)
+        closest_vertices(sides, found)
         if not are_parallel(edge, facing, outline):
             return 1
         first, nearest = -1, vertex
     else:
-        features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+        features[0] = put(edge, vertex, sides, points[0])
         return 1
     second = other_end(first, nearest, over, faces, outline)
     if second < 0:
         return 1
-    features[1] = put_end(second, faces, shape, other, sign, outline, points[1])
+    features[1] = put_end(second, faces, sides, points[1])
     if gap > 0.0 and points[1, GAP] < points[0, GAP] - TIE * span(edge, vertex, outline):
         features[1] = ABSENT
         return 1
     return 2
+
+
+@inner_kernel
+def lowest_end(among: tuple[bool, bool, bool, bool], faces: Faces, outline: Reals) -> tuple[int, float]:
+    """The candidate of `end_of` with the least height, and the height; -1 and inf if there is none."""
+    lowest, least = -1, math.inf
+    for k in range(4):
+        if among[k]:
+            edge, vertex = end_of(k, faces)
+            distance = height(edge, vertex, outline)
+            if distance < least:
+                lowest, least = k, distance
+    return lowest, least
 
 
 @kernel
@@ -320,40 +343,31 @@ def more_opposed(edge: int, before: int, after: int, outline: Reals) -> int:
 
 
 @kernel
-def put_end(
-    k: int, faces: Faces, shape: Record, other: Record, sign: float, outline: Reals, point: Reals
-) -> int:
+def put_end(k: int, faces: Faces, sides: Sides, point: Reals) -> int:
     """Write the point of candidate k; returns its feature."""
-    e, j = end_of(k, faces)
+    edge, vertex = end_of(k, faces)
     if k < 2:
-        return put(e, j, shape.radius, other.radius, sign, outline, point)
-    return put(e, j, other.radius, shape.radius, -sign, outline, point)
+        return put(edge, vertex, sides, point)
+    return put(edge, vertex, Sides(sides.other, sides.shape, -sides.sign, sides.outline), point)
 
 
 @inner_kernel
-def put(
-    edge: int,
-    vertex: int,
-    edge_radius: float,
-    vertex_radius: float,
-    sign: float,
-    outline: Reals,
-    point: Reals,
-) -> int:
-    """Write the point of a vertex over an edge; returns its feature."""
+def put(edge: int, vertex: int, sides: Sides, point: Reals) -> int:
+    """Write the point of a vertex of the other shape over an edge of the first; returns its feature."""
+    outline = sides.outline
     nx, ny = outline[edge, 2], outline[edge, 3]
-    gap = height(edge, vertex, outline) - edge_radius - vertex_radius
-    back = vertex_radius + 0.5 * gap
+    gap = height(edge, vertex, outline) - sides.shape.radius - sides.other.radius
+    back = sides.other.radius + 0.5 * gap
     point[GAP] = gap
-    point[NORMAL_X], point[NORMAL_Y] = sign * nx, sign * ny
+    point[NORMAL_X], point[NORMAL_Y] = sides.sign * nx, sides.sign * ny
     point[POINT_X], point[POINT_Y] = outline[vertex, 0] - back * nx, outline[vertex, 1] - back * ny
     return edge * VERTICES + vertex
 
 
 @kernel
-def closest_vertices(shape: Record, other: Record, sign: float, outline: Reals, found: Found) -> int:
-    """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""
-    points, features = found
+def closest_vertices(sides: Sides, found: Found) -> int:
+    """The two vertices nearest to each other."""
+    (shape, other, sign, outline), (points, features) = sides, found
     least, first, second = math.inf, shape.first, other.first
     for i in range(shape.first, shape.end):
         for j in range(other.first, other.end):

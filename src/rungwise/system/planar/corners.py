@@ -28,6 +28,7 @@ from rungwise.system.planar.contact_manifold import (
     VERTICES,
     Found,
     Manifolds,
+    Sides,
     along,
     manifold,
     put,
@@ -271,9 +272,9 @@ def _take_face(
         if edge >= VERTICES:
             _put_vertices(a, b, vertex, edge - VERTICES, outline, course, course.points[k])
         elif a.first <= edge < a.end:
-            put(edge, vertex, a.radius, b.radius, -1.0, outline, course.points[k])
+            put(edge, vertex, Sides(a, b, -1.0, outline), course.points[k])
         else:
-            put(edge, vertex, b.radius, a.radius, 1.0, outline, course.points[k])
+            put(edge, vertex, Sides(b, a, 1.0, outline), course.points[k])
         if course.points[k, GAP] < -slack:
             return
     if _is_one_face(points[0, NORMAL_X], points[0, NORMAL_Y], course.points[0]):

@@ -22,13 +22,16 @@ from rungwise.system.planar.contact_manifold import (
     Faces,
     Found,
     Separation,
+    Sides,
     along,
     are_parallel,
     closest_vertices,
+    deepest_vertex,
     end_of,
     ends_of_overlap,
     has_area,
     height,
+    lowest_end,
     more_opposed,
     other_end,
     put,
@@ -50,9 +53,9 @@ def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, found: F
     if of_a[1] < 0 and of_b[1] < 0:
         return 0
     if of_a[0] >= of_b[0]:
-        count = _from_edge(a, b, of_a, -1.0, outline, seams, found)
+        count = _from_edge(Sides(a, b, -1.0, outline), of_a, seams, found)
     else:
-        count = _from_edge(b, a, of_b, 1.0, outline, seams, found)
+        count = _from_edge(Sides(b, a, 1.0, outline), of_b, seams, found)
     slack = FLUSH * min(a.reach, b.reach)
     if max(apart_a, apart_b) > slack:
         count = _drop_overlaps(count, -slack - a.radius - b.radius, found)
@@ -85,22 +88,11 @@ def _edge_count(shape: Record, other: Record) -> int:
 
 
 @kernel
-def _deepest(i: int, other: Record, outline: Reals) -> tuple[float, int]:
-    """Least height of a vertex of `other` over edge i, and the vertex."""
-    least, deepest = math.inf, other.first
-    for j in range(other.first, other.end):
-        d = height(i, j, outline)
-        if d < least:
-            least, deepest = d, j
-    return least, deepest
-
-
-@kernel
 def _separation(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, float]:
     """Gap to the best separating edge of `shape`, and to the best edge that the seams rule out."""
     best, best_inside = -math.inf, -math.inf
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
-        least, deepest = _deepest(i, other, outline)
+        least, deepest = deepest_vertex(i, other, outline)
         best = max(best, least)
         if not _is_admitted(i, deepest, shape, other, outline, seams):
             best_inside = max(best_inside, least)
@@ -126,7 +118,7 @@ def _best_edge(
     """
     best, best_edge, best_vertex = -math.inf, -1, -1
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
-        least, deepest = _deepest(i, other, outline)
+        least, deepest = deepest_vertex(i, other, outline)
         if not _is_admitted(i, deepest, shape, other, outline, seams):
             continue
         if least < min(inside, 0.0) and shape.kind != HALFPLANE and least < _middle(i, shape, outline):
@@ -186,10 +178,9 @@ def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
 
 
 @kernel
-def _from_edge(
-    shape: Record, other: Record, best: Separation, sign: float, outline: Reals, seams: Seams, found: Found
-) -> int:
+def _from_edge(sides: Sides, best: Separation, seams: Seams, found: Found) -> int:
     """Points on the best edge as on a lone shape, but on the whole faces of the edge and the facing edge."""
+    shape, other, outline = sides.shape, sides.other, sides.outline
     (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE
@@ -201,31 +192,29 @@ def _from_edge(
     over = _ends_over(plane, single, faces, outline, seams)
     nearest = first if height(edge, first, outline) <= height(edge, last, outline) else last
     gap = height(edge, nearest, outline)
-    deepest, least = -1, math.inf
-    for k in range(4):
-        if over[k]:
-            e, j = end_of(k, faces)
-            distance = height(e, j, outline)
-            if distance < least and (k < 2 or gap <= 0.0 or _is_over(e, j, outline, seams)):
-                deepest, least = k, distance
+    near = over
+    if gap > 0.0:
+        at_start = over[2] and _is_over(facing, start, outline, seams)
+        near = over[0], over[1], at_start, over[3] and _is_over(facing, end, outline, seams)
+    deepest, least = lowest_end(near, faces, outline)
     if deepest >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, nearest, outline)):
-        count = _put_own_end(deepest, faces, shape, other, sign, outline, seams, found, 0)
+        count = _put_own_end(deepest, faces, sides, seams, found, 0)
         _, nearest = end_of(deepest, faces)
         least -= shape.radius + other.radius
     elif apart:
-        count = _closest_vertices(shape, other, sign, outline, seams, found)
+        count = _closest_vertices(sides, seams, found)
         deepest, least = -1, points[0, GAP]
         if not are_parallel(edge, facing, outline):
             return count
     else:
         if not (other.first <= nearest < other.end) or _is_beyond_seam(edge, nearest, plane, outline, seams):
             return 0
-        features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
+        features[0] = put(edge, nearest, sides, points[0])
         return 1
     second = other_end(deepest, nearest, over, faces, outline)
     if second < 0:
         return count
-    both = _put_own_end(second, faces, shape, other, sign, outline, seams, found, count)
+    both = _put_own_end(second, faces, sides, seams, found, count)
     if gap > 0.0 and both > count and points[count, GAP] < least - TIE * span(edge, nearest, outline):
         features[count] = ABSENT
         return count
@@ -272,29 +261,24 @@ def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, seams: 
 
 
 @kernel
-def _put_own_end(
-    k: int, faces: Faces, shape: Record, other: Record, sign: float, outline: Reals, seams: Seams,
-    found: Found, at: int,
-) -> int:  # fmt: skip
+def _put_own_end(k: int, faces: Faces, sides: Sides, seams: Seams, found: Found, at: int) -> int:
     """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
     e, j = end_of(k, faces)
-    own, against = (other, shape) if k < 2 else (shape, other)
+    own, against = (sides.other, sides.shape) if k < 2 else (sides.shape, sides.other)
     if not (own.first <= j < own.end and against.first <= e < against.end):
         return at
-    if _is_beyond_seam(e, j, shape.kind == HALFPLANE, outline, seams):
+    if _is_beyond_seam(e, j, sides.shape.kind == HALFPLANE, sides.outline, seams):
         return at
-    found.features[at] = put_end(k, faces, shape, other, sign, outline, found.points[at])
+    found.features[at] = put_end(k, faces, sides, found.points[at])
     return at + 1
 
 
 @kernel
-def _closest_vertices(
-    shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, found: Found
-) -> int:
+def _closest_vertices(sides: Sides, seams: Seams, found: Found) -> int:
     """The two vertices nearest to each other, where they are corners of the common pieces and face each
     other."""
-    closest_vertices(shape, other, sign, outline, found)
-    points, features = found
+    closest_vertices(sides, found)
+    (points, features), outline = found, sides.outline
     second, first = features[0] // VERTICES - VERTICES, features[0] % VERTICES
     nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
     if _is_corner(first, nx, ny, outline, seams) and _is_corner(second, -nx, -ny, outline, seams):
