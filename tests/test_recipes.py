@@ -212,7 +212,7 @@ def test_a_law_of_contact(tmp_path: Path) -> None:
     laws = package / "scene" / "fields" / "laws"
     (laws / "magnet.py").write_text(_MAGNET, "utf-8")
     text = (laws / "contact.py").read_text("utf-8")
-    text = text.replace("class Contact(\n", "class Contact(\n    Magnet,\n")
+    text = text.replace("class Named(\n", "class Named(\n    Magnet,\n")
     first = "from rungwise.scene.fields.laws.law import"
     own = "from rungwise.scene.fields.laws.magnet import Magnet\n"
     (laws / "contact.py").write_text(text.replace(first, f"{own}{first}", 1), "utf-8")

@@ -41,6 +41,7 @@ WHOLE: dict[str, Any] = {
     "step": 1e-2,
 }
 NAN, INF = math.nan, math.inf
+LAW, HELD = {"adhesion": 1.0}, {"static_friction": 0.5}
 CASES: list[tuple[str, Any, str]] = [
     ("nme", 1, "scene: unknown field 'nme' (did you mean name?)"),
     ("model.fil", "x", "model: unknown field 'fil' (did you mean file?)"),
@@ -57,17 +58,16 @@ CASES: list[tuple[str, Any, str]] = [
     ("model.set.option.gravity", [0, 0, "1 / 0"], "model.set.option.gravity.2: must be finite, not inf"),
     ("model.set.option", {"gravty": 1}, "model.set.option.gravty: unknown field 'gravty' (did you mean"),
     ("contacts", 3, "contacts: must be a list, not 3"),
-    (
-        "contacts.0.adhesion",
-        1.0,
-        "contacts.0: adhesion is a law of scenes in the plane; in space contacts have",
-    ),
-    (
-        "contacts.0.yield_speed",
-        1.0,
-        "contacts.0: yield_speed is a law of scenes in the plane; in space contacts",
-    ),
-    ("contacts.0.impact", "poisson", "contacts.0: impact is a law of scenes in the plane; in space contacts"),
+    ("contacts.0.adhesion", -1.0, "contacts.0.adhesion: -1 must be >= 0"),
+    ("contacts.0.adhesion", "inf", "contacts.0.adhesion: must be finite, not inf"),
+    ("contacts.0.adhesion_range", 1e-3, "contacts.0: adhesion_range needs adhesion, a force"),
+    ("contacts", [LAW | {"adhesion_range": 0.0}], "contacts.0.adhesion_range: 0 must be > 0"),
+    ("contacts.0.yield_speed", 0.0, "contacts.0.yield_speed: 0 must be > 0"),
+    ("contacts.0.yield_speed", "tt", "contacts.0.yield_speed: unknown name tt; valid: mu"),
+    ("contacts.0.impact", "hertz", "contacts.0.impact: must be 'newton' or 'poisson', not 'hertz'"),
+    ("contacts.0.static_friction", -1, "contacts.0.static_friction: -1 must be >= 0"),
+    ("contacts", [HELD | {"friction": 0.6}], "contacts.0: static_friction must be at least friction"),
+    ("contacts", [HELD], "contacts.0.static_friction: 0.5 is below the model's friction of floor and g, 1"),
     ("contacts.0.between", ["zz", "b"], "contacts.0.between.0: 'zz' matches no geom and no body"),
     ("contacts.0.between", ["b"], "contacts.0.between.1: is required"),
     ("contacts.0.sliding", 1, "contacts.0: unknown field 'sliding'"),

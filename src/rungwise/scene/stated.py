@@ -78,12 +78,12 @@ class Numbers:
     values: Reals
     stack: Reals = field(default_factory=lambda: np.zeros(STACK))
 
-    def one(self, text: float | str, path: str) -> float:
-        """The value of a number. Raises InvalidScene where it is none."""
+    def one(self, text: float | str, path: str, infinite: bool = False) -> float:
+        """The value of a number, which may be `infinite`. Raises InvalidScene where it is none."""
         programs = Programs([self.names.number(str(text), path)])
         start, stop = programs.table[0]
         value = float(evaluate(programs.code, programs.constants, start, stop, self.values, self.stack))
-        if not np.isfinite(value):
+        if np.isnan(value) or (np.isinf(value) and not infinite):
             raise InvalidScene(f"{path}: must be finite, not {value:g}")
         return value
 

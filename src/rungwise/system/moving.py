@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
@@ -31,12 +32,44 @@ class Moment(NamedTuple):
     metric: bool
 
 
+class FurtherLaws(Protocol):
+    """Laws of contact beside Coulomb's friction and Newton's restitution, of the contacts of a system's last
+    `fill`, which are given by their slots (c,). holds, bounces, yields: whether a contact has static
+    friction, Poisson's restitution, or one that falls with speed; within: the greatest gap at which one
+    pulls, -inf where none does."""
+
+    holds: bool
+    bounces: bool
+    yields: bool
+    within: float
+
+    def static(self, slots: Ints, friction: Reals) -> Reals:
+        """Friction (c,) of contacts while they stick, from their kinetic `friction` (c,)."""
+
+    def impulsive(self, slots: Ints) -> NDArray[np.bool_]:
+        """Whether restitution (c,) is of impulses."""
+
+    def rebound(self, slots: Ints, speed: Reals, restitution: Reals) -> None:
+        """Let restitution (c,) be that at speeds of approach (c,)."""
+
+    def pull(self, slots: Ints, gap: Reals, pushed: Ints) -> Reals:
+        """The forces (c,) with which contacts pull, by gaps (c,) and whether they pushed in the last step
+        (c,)."""
+
+    def until_edge(
+        self, slots: Ints, gap: Reals, rate: Reals, across: float, rounding: float, h: float
+    ) -> float:
+        """A step of length h, but no longer than any contact takes, with gaps (c,) at these rates (c,), to a
+        place beyond the edge of its pull, by `across` of its range, or by the rounding of gaps."""
+
+
 @dataclass(frozen=True)
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
-    each other before one can be through the other; how far contacts can be looked for; and whether terms say
-    where their entries are."""
+    each other before one can be through the other; how far contacts can be looked for; whether terms say
+    where their entries are; and further laws of its contacts, None where they have none. Where these bounce,
+    there are twice as many slots as contacts at once."""
 
     coordinates: int
     velocities: int
@@ -47,6 +80,7 @@ class Size:
     thin: float = math.inf
     farthest: float = math.inf
     crowded: bool = False
+    laws: FurtherLaws | None = None
 
 
 class Crowded(InputError):

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.laws.contact import CHOICES
 from rungwise.scene.language.expression import STACK, Programs, evaluate
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
-from rungwise.scene.space.laws import contact_laws, sides_of
+from rungwise.scene.space.laws import contact_laws, named_laws, sides_of
 from rungwise.scene.space.mujoco_model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
@@ -77,13 +78,14 @@ class Told(NamedTuple):
 class SpaceBound:
     """A scene with every number known.
 
-    law (g, g), laws (l, 8): see `scene.space.laws`; place (n_q,), motion (n_v,), activation (k,): the start;
-    control (a,) and pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
+    law (g, g), laws (l, 8), named (l,): see `scene.space.laws`; place (n_q,), motion (n_v,), activation (k,):
+    the start; control (a,) and pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
     """
 
     model: mujoco.MjModel
     law: Ints
     laws: Reals
+    named: RecordArray
     place: Reals
     motion: Reals
     activation: Reals
@@ -136,6 +138,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         model = compiled(spec, path)
         refuse(model)
         law, laws = contact_laws(model, scene.labels, file.contacts, number.one)
+        named = named_laws(model, law, file.contacts, file.tolerance, number.one)
     except SceneError as error:
         raise InvalidScene(str(error)) from None
     place, motion, control = _start(scene, model, number)
@@ -147,7 +150,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         model, place, moved = settled(spec, model, scene.labels, place, fused)
         notes += moved
     bound = SpaceBound(
-        model=model, law=law, laws=laws, place=place, motion=motion, control=control,
+        model=model, law=law, laws=laws, named=named, place=place, motion=motion, control=control,
         activation=np.zeros(model.na) if key is None else model.key_act[key].copy(),
         pace=np.full(model.nv, np.nan), told=scene.told, values=values,
         tolerance=number.positive(file.tolerance, "tolerance"),
@@ -174,7 +177,7 @@ def check_names(scene: Source, spec: mujoco.MjSpec, model: mujoco.MjModel) -> No
         for name in given:
             _number_of(name, known, f"{path}.{name}")
     bounds = {name: getattr(file, name) for name in ("tolerance", "duration", "step")}
-    laws = [entry.model_dump(exclude={"between"}) for entry in file.contacts]
+    laws = [entry.model_dump(exclude={"between", *CHOICES}) for entry in file.contacts]
     parts = {
         name: part.model_dump(exclude={"file"}) for name, part in file.model.parts.items()
     }  # fmt: skip

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
 
 from rungwise.scene.fields.fields import Parameter, Units
+from rungwise.scene.fields.laws.contact import Named
 from rungwise.scene.fields.shapes import MANY, ONE
 from rungwise.scene.fields.stated import check_inputs
 from rungwise.scene.fields.strict import Strict
@@ -24,8 +24,6 @@ Numbers = Annotated[
 ]
 ENTRIES = 200
 """Most entries on contacts."""
-IN_THE_PLANE = ("static_friction", "yield_speed", "adhesion", "adhesion_range", "impact")
-"""Laws that contacts of planar scenes may name besides."""
 Settings = dict[Text, dict[Text, Numbers]]
 """Elements by name, with values of their fields."""
 
@@ -78,7 +76,7 @@ class Model(Strict):
     set: Changes = Changes()
 
 
-class Contact(Strict):
+class Touching(Strict):
     """How geoms touch. Names are those of geoms or of their bodies and may use ``*``; the first entry that
     names a pair holds. Stiffness and damping are those of compliant contact (N/m, N s/m), restitution of
     rigid contact; friction replaces the model's where it is given, and torsional and rolling friction (m),
@@ -94,18 +92,9 @@ class Contact(Strict):
     torsional_friction: Number | None = None
     rolling_friction: Number | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _no_law_of_the_plane(cls, given: object) -> object:
-        named = [name for name in IN_THE_PLANE if isinstance(given, dict) and name in given]
-        if named:
-            raise PydanticCustomError(
-                "law",
-                "{law} is a law of scenes in the plane; in space contacts have Coulomb's friction and"
-                " Newton's restitution: leave it out, or write a section of the scene in the plane",
-                {"law": named[0]},
-            )
-        return given
+
+class Contact(Named, Touching):
+    """See `Touching`, and `Named` for laws that are off unless they are named."""
 
 
 class Start(Strict):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.laws.contact import LAWS, RECORD, STICKS, named_by, refused
+from rungwise.scene.fields.values import Number
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import Contact
 from rungwise.scene.space.labels import Labels
@@ -26,6 +28,8 @@ RATIO = 0.5
 """Damping ratio of the damping that is taken by default, for a body of the mean mass."""
 FROM = {"torsional_friction": 4, "rolling_friction": 6}
 """Kinds of friction, and the condim from which on contacts have them."""
+RUBS = 3
+"""The condim from which on contacts have friction."""
 EARTH = 9.81
 """Gravity (m/s^2) that stiffness is measured by where the model has none."""
 
@@ -50,6 +54,69 @@ def contact_laws(
     return law, np.array(rows)
 
 
+def named_laws(
+    model: mujoco.MjModel,
+    law: Ints,
+    entries: Sequence[Contact],
+    tolerance: Number,
+    number: Callable[..., float],
+) -> RecordArray:
+    """What entries name beside the common laws (l,), by rows as of `contact_laws`. Raises InvalidScene for
+    impossible numbers, naming the field."""
+    records = np.zeros(len(entries) + 1, RECORD)
+    for k, entry in enumerate(entries):
+        record, path = records[k + 1], f"contacts.{k}"
+        record["laws"] = named_by(entry)
+        if not record["laws"]:
+            continue
+        record["friction"] = (
+            math.nan if entry.friction is None else number(entry.friction, f"{path}.friction")
+        )
+        for each in (each for one in LAWS for each in one.numbers):
+            given = getattr(entry, each.field)
+            value = each.otherwise(entry, tolerance) if given is None else given
+            x = 0.0 if value is None else number(value, f"{path}.{each.field}", infinite=each.infinite)
+            if x < 0.0 or (each.above is not None and x <= each.above):
+                least = ">= 0" if each.above is None else f"> {each.above:g}"
+                raise InvalidScene(f"{path}.{each.field}: {x:g} must be {least}")
+            record[each.field] = x
+        wrong = refused(record)
+        if wrong >= 0:
+            raise InvalidScene(f"{path}: {LAWS[wrong].refusal}")
+        if record["laws"] & STICKS:
+            _check_static(model, law == k + 1, record, path)
+    return records
+
+
+def _check_static(model: mujoco.MjModel, own: NDArray[np.bool_], record: Any, path: str) -> None:
+    """Raise InvalidScene where static friction of the pairs of geoms (g, g) of an entry is below the model's
+    friction, or is of contacts that turn with friction and do not slide with any."""
+    static, least = float(record["static_friction"]), float(record["friction"])
+    pairs = [(a, b) for a, b in touching_pairs(model).tolist() if own[a, b]]
+    turns = any(_directions(model, np.array([a]), np.array([b])) > RUBS for a, b in pairs)
+    if least == 0.0 and static > 0.0 and turns:
+        raise InvalidScene(f"{path}.static_friction: contacts that resist turning need friction above 0")
+    if math.isnan(least):
+        for a, b in pairs:
+            friction = _model_friction(model, a, b)
+            if static < friction:
+                names = " and ".join(model.geom(g).name or f"geom {g}" for g in (a, b))
+                raise InvalidScene(
+                    f"{path}.static_friction: {static:g} is below the model's friction of {names},"
+                    f" {friction:g}; give friction as well"
+                )
+
+
+def _model_friction(model: mujoco.MjModel, a: int, b: int) -> float:
+    """Sliding friction that MuJoCo gives a contact of two geoms."""
+    for p in range(model.npair):
+        if {int(model.pair_geom1[p]), int(model.pair_geom2[p])} == {a, b}:
+            return float(model.pair_friction[p, 0])
+    one, other = (float(model.geom_friction[g, 0]) for g in (a, b))
+    first, second = (int(model.geom_priority[g]) for g in (a, b))
+    return max(one, other) if first == second else one if first > second else other
+
+
 def sides_of(model: mujoco.MjModel, names: Labels, entries: Sequence[Contact]) -> list[tuple[Ints, Ints]]:
     """Geoms that each entry names on either side. Raises SceneError for names that nothing has, and for
     friction of a kind that none of these geoms has."""
@@ -60,7 +127,7 @@ def sides_of(model: mujoco.MjModel, names: Labels, entries: Sequence[Contact]) -
             for i, pattern in enumerate(entry.between)
         )
         directions = _directions(model, a, b)
-        for name, least in FROM.items():
+        for name, least in (FROM | {"static_friction": RUBS}).items():
             if getattr(entry, name) is not None and directions < least:
                 raise SceneError(f"contacts.{k}.{name}: these contacts have condim {directions}, not {least}")
         found.append((a, b))

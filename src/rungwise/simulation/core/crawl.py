@@ -7,6 +7,7 @@ that of Boyer and Moore (MJRTY, 1991): what more than half of the steps name is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,16 @@ CAUSES = 8
 PATIENCE, LEAST = 100_000, 0.1
 """Attempts at steps that may lead no farther than one nominal step, and the least part of it for which they
 are counted. Shipped scenes need up to 4000, where the error allowed is a millionth of their shapes."""
+
+
+class Leap(NamedTuple):
+    """A step without momentum that goes far: from a time, of length h, how far as a length, and its motion v
+    (n,)."""
+
+    time: float
+    h: float
+    far: float
+    v: Reals
 
 
 @inner_kernel

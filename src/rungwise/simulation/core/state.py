@@ -39,8 +39,8 @@ class State(Block):
 
     Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
     impulse (, d) since the last frame. `laws` (3, slots): friction of what sticks, and of what slides (see
-    `core.static_friction`), and whether impacts have two phases (`core.poisson_impact`); (3, 0) where no
-    contact names one.
+    `core.laws.static_friction`), and whether impacts have two phases (`core.laws.poisson_impact`); (3, 0)
+    where no contact names one.
     """
 
     clock: RecordArray
@@ -63,7 +63,7 @@ class Scratch(Block):
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
     notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
     that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
-    `impact` (4, contacts) is of impacts in two phases, (4, 0) where there are none; `bare` (3 m, n) and
+    `impact` (2 + d, contacts) is of impacts in two phases, empty where there are none; `bare` (3 m, n) and
     `ellipsoid` (m, 18) are of limit surfaces of a pressure (see `core.exact_surface`). `halt` (1,) is set
     from outside where the step is to be given up."""
 

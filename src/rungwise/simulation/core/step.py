@@ -27,11 +27,11 @@ from rungwise.models.limit import (
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
 from rungwise.simulation.core.exact_surface import solve_exact
+from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
+from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note
-from rungwise.simulation.core.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
-from rungwise.simulation.core.static_friction import hold_still, lets_slide
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2

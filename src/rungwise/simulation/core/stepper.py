@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,9 @@ from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.balance import keep_near
-from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
+from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
 from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
+from rungwise.simulation.core.laws.further import Further, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
@@ -55,16 +55,6 @@ SUNK = 0.2
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
-
-
-class Leap(NamedTuple):
-    """A step without momentum that goes far: from a time, of length h, how far as a length, and its motion v
-    (n,)."""
-
-    time: float
-    h: float
-    far: float
-    v: Reals
 
 
 @dataclass
@@ -116,8 +106,10 @@ class Stepper:
         self.q, v = (np.array(part, float) for part in self.system.start())
         if self.rung.inertia == 0.0:
             v[:] = 0.0
-        self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d))
-        self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d))
+        laws, impact = law_arrays(size)
+        self._further = None if size.laws is None else Further(size.laws, n)
+        self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
+        self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d) | {"impact": impact})
         self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded)
         self.problem = allocate_problem(n, size.slots, size.limited, d)
         self.terms.rounding[0] = ROUNDING * size.length
@@ -126,12 +118,10 @@ class Stepper:
         self.crawl = Crawl(self.step, self.time)
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
-        self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
+        self._pace, self._fill_pace, self._keep_near = np.zeros(n), steady(fill_pace), steady(keep_near)
         self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
-        self._keep_near = steady(keep_near)
-        clock = self.clock
-        clock["limited"] = size.limited
-        clock["surfaces"] = bool((self.terms.surface != APART).any())
+        self.clock["limited"] = size.limited
+        self.clock["surfaces"] = bool((self.terms.surface != APART).any())
 
     @property
     def v(self) -> Reals:
@@ -154,7 +144,7 @@ class Stepper:
         To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
         than `tol` in the step, it is small enough.
         """
-        asked = False
+        asked, h = False, self._until_edge(h)
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -180,6 +170,14 @@ class Stepper:
             slots = self.scratch.slots[: self.contacts]
             self.crawl.vote(self._cause, culprit(self._cause, slots, self.state.force, self.terms.gap))
             h *= 0.5
+
+    def _until_edge(self, h: float) -> float:
+        """The step, or less where a contact comes to the edge of a pull."""
+        if self._further is None or not self._further.pulls:
+            return h
+        self._drive()
+        filled = self._fill(self.q, self.state.v, h, self._reach(h))
+        return self._further.until_edge(self._tried(h)) if filled else h
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
@@ -312,7 +310,8 @@ class Stepper:
         """How far contacts are looked for in a step of length h, for what is known before it."""
         falls = h if self.rung.inertia > 0.0 else 0.0
         self._fill_pace(self.state.v, self.state.speed, self.terms.fall, falls, self._pace)
-        return SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
+        reach = SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
+        return max(reach, -math.inf if self._further is None else self._further.named.within)
 
     def _fill(self, trial: Reals, v: Reals, h: float, reach: float) -> bool:
         """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
@@ -331,6 +330,8 @@ class Stepper:
         if trial is not self.q:
             terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
             self._expel(terms.gap[:count], h)
+        if self._further is not None:
+            self._further.fill(self._tried(h), trial is self.q)
         if rung.inertia == 0.0:
             terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
             terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)

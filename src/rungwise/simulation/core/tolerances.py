@@ -21,5 +21,7 @@ ROUNDING = 1e-12
 """Rounding of positions, over the extent of the scene, or the system's length."""
 DRIVEN = 2.0
 """Displacement over the farthest of what is driven, from which on it may be a leap."""
+ACROSS = 1e-3
+"""How far across the edge of the range of a pull a step ends that crosses it, over the range."""
 SHORTER = 1.0 / 16.0
 """Part of a step in which what vanishes with the step moves less than half as far, and a jump is as large."""

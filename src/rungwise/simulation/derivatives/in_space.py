@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
+from rungwise.scene.fields.laws.contact import LAWS, titles
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import EndSensitivity
 from rungwise.simulation.options import ModelError, moving_rung
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.simulation.state import State
-from rungwise.wording import choices
+from rungwise.wording import choices, listed
 
 if TYPE_CHECKING:
     import mujoco
@@ -112,6 +113,12 @@ def run_sensitivity_in_space(
         if name not in values:
             raise ModelError(f"names: unknown parameter {str(name)[:60]!r}{choices(str(name), values)}")
     bound = scene.bind(values)
+    pulls = [law.title for law in LAWS if law.pull is not None and law.title in titles(bound.named)]
+    if pulls:
+        raise ModelError(
+            f"contacts: steps with {listed(pulls)} end at edges of pulls, and cannot be differentiated; leave"
+            " it out"
+        )
     runs = _Runs(scene, moving_rung(model), steps, bound.step if h is None else h, theta, deadline)
     begin = None if q is None or v is None else (np.array(q, float), np.array(v, float))
     start = (bound.place, bound.motion) if begin is None else begin

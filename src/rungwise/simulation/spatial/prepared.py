@@ -27,6 +27,6 @@ class Prepared(NamedTuple):
     def of(cls, scene: SpaceScene, parameters: Mapping[str, float]) -> Prepared:
         """Raises InvalidScene, naming the field, where the scene is impossible at these parameters."""
         bound = scene.bind(parameters)
-        laws = Laws(bound.law, bound.laws)
+        laws = Laws(bound.law, bound.laws, bound.named)
         told = bound.control, bound.pace, bound.activation
         return cls(bound, Space(bound.model, laws, bound.place, bound.motion, *told))

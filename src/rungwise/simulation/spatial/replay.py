@@ -15,6 +15,7 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.outcome import Code
 from rungwise.plain import cut
+from rungwise.scene.fields.laws.contact import titles
 from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.mujoco_model import library
@@ -143,6 +144,8 @@ def replay(
         number = int(np.argmax(apart[k]))
         parts, body = float(times[k]), run.scene.labels.bodies[number]
         reasons = _reasons(course, run.frames[max(k - 1, 0)], states[max(k - 1, 0)])
+        lacking = titles(course.bound.named)
+        reasons += [f"contacts here have {', '.join(lacking)}, which MuJoCo does not know"] if lacking else []
     return Replay(
         run, in_, course.settings, times, apart, parts, body, tuple(reasons), outcome, unfinished,
         course.end(),

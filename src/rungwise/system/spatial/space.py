@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, steady
+from rungwise.kernel import Ints, Reals, RecordArray, steady
 from rungwise.scene.space.laws import touching
 from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
+from rungwise.system.named_laws import laws_named
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import (
@@ -61,10 +62,12 @@ NEAR = 0.05
 
 class Laws(NamedTuple):
     """Laws of contact: law (g, g), the row for two geoms; rows (l, 8): normal and tangential stiffness and
-    damping, restitution, and sliding, torsional and rolling friction, nan for the model's."""
+    damping, restitution, and sliding, torsional and rolling friction, nan for the model's; named (l,): what
+    scenes name besides (`scene.fields.laws.contact.RECORD`)."""
 
     law: Ints
     rows: Reals
+    named: RecordArray
 
 
 NEAREST, SEARCHES = 1e-10, 200
@@ -136,7 +139,8 @@ class Space:
         limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
         farthest = FAR * length if self.passing.is_curved(touches) else math.inf
         crowded = m.nv >= CROWDED
-        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded)
+        named = laws_named(self.laws.named, self._laws_of, farthest)
+        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded, named)
         self._all_free = bool(self.solids.free.all())
         self.noise = Noise()
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
@@ -257,6 +261,12 @@ class Space:
         """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
         seen = self._found.geoms[slots]
         return np.where(seen[:, :1] == FREE, self.kept.geoms[slots], seen)
+
+    def _laws_of(self, slots: Ints) -> Ints:
+        """The row of laws (k,) of the contacts in these slots in the last `fill`, 0 for travel limits."""
+        own = np.where(slots < self.most, slots, 0)
+        geoms = self._found.geoms[own]
+        return np.where(slots < self.most, self.laws.law[geoms[:, 0], geoms[:, 1]], 0)
 
     def accept(self) -> None:
         self.kept, self._found = self._found, self.kept

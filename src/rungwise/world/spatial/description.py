@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.scene.fields.laws.contact import in_words, written
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.elements import equality, named
 from rungwise.scene.space.laws import touching
@@ -37,7 +38,7 @@ def describe(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, An
             for e, own in enumerate(equality(model, names, e) for e in range(model.neq))
         },
         "actuators": {name: _actuator(model, a, bound) for a, name in enumerate(names.actuators)},
-        "contacts": [_law(row) for row in bound.laws],
+        "contacts": [_law(*each) for each in zip(bound.laws, bound.named, strict=True)],
     }
     return heading(scene) | own | common(scene, parameters, bound)
 
@@ -102,8 +103,9 @@ def _actuator(model: mujoco.MjModel, a: int, bound: SpaceBound) -> dict[str, Any
     }
 
 
-def _law(row: Any) -> dict[str, Any]:
-    return {name: None if np.isnan(x) else float(x) for name, x in zip(LAW, row, strict=True)}
+def _law(row: Any, named: Any) -> dict[str, Any]:
+    own = {name: None if np.isnan(x) else float(x) for name, x in zip(LAW, row, strict=True)}
+    return own | written(named)
 
 
 def described(report: Mapping[str, Any]) -> str:
@@ -147,6 +149,6 @@ def described(report: Mapping[str, Any]) -> str:
         friction = ", ".join(given) or "the model's friction"
         lines.append(
             f"  {friction}, restitution {law['restitution']:.6g}, stiffness {law['stiffness']:.6g},"
-            f" damping {law['damping']:.6g}"
+            f" damping {law['damping']:.6g}{in_words(law)}"
         )
     return "\n".join([*lines, *stated(report, 20)])

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from rungwise.kernel import Reals
+from rungwise.scene.fields.laws.contact import titles
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.bind import specified
 from rungwise.scene.space.packages import with_files
@@ -18,10 +19,7 @@ from rungwise.simulation.spatial.memory import activations
 from rungwise.simulation.state import State, digest
 from rungwise.world.parts import ExportError
 
-OWN_LAWS = (
-    "  <!-- The scene states laws of contact of its own (friction, stiffness, damping, restitution), which"
-    " this file does not hold. -->\n"
-)
+OWN_LAWS = "  <!-- The scene states laws of contact of its own ({}), which this file does not hold. -->\n"
 
 
 def joints(scene: SpaceScene) -> dict[str, str]:
@@ -48,7 +46,8 @@ def mjcf(
     for key in list(spec.keys):
         spec.delete(key)
     text, _, rest = spec.to_xml().rpartition("</mujoco>")
-    laws = OWN_LAWS if scene.file.contacts else ""
+    named = ("friction, stiffness, damping, restitution", *titles(scene.bind(parameters).named))
+    laws = OWN_LAWS.format(", ".join(named)) if scene.file.contacts else ""
     written = f"{text}{laws}{keys}</mujoco>{rest}"
     try:
         again = mujoco.MjModel.from_xml_string(written)

@@ -13,6 +13,7 @@ from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.outcome import Code
+from rungwise.scene.fields.laws.contact import written
 from rungwise.scene.space import SpaceBound, SpaceScene, load_space
 from rungwise.scene.space.fields import ENTRIES
 from rungwise.scene.space.laws import FROM
@@ -53,7 +54,7 @@ def matched(
         if row[4] > 0.0:
             row[2:4] = same.damping
         extra[BOUNCE.format(len(entries))] = same.restitution
-        entry = _entry((names[a], names[b]), row, _frictions(scene, number))
+        entry = _entry((names[a], names[b]), row, _frictions(scene, number) | written(bound.named[number]))
         entries.append(entry | {"restitution": BOUNCE.format(len(entries))})
         ratios.append(same.ratio)
         told.setdefault(same.told(row[0], mass), []).append(label)
@@ -63,7 +64,8 @@ def matched(
     if not masses:
         notes.append("no pair of geoms touches under the scene's own inputs, restitution as it is")
     for number, own in enumerate(scene.file.contacts, 1):
-        scaled = _entry(own.between, bound.laws[number], _frictions(scene, number))
+        fields = _frictions(scene, number) | written(bound.named[number])
+        scaled = _entry(own.between, bound.laws[number], fields)
         entries.append(scaled | {"restitution": own.restitution})
     entries.append(_entry(("*", "*"), bound.laws[0], {}))
     given = {"parameters": file.get("parameters", {}) | {n: {"default": x} for n, x in extra.items()}}

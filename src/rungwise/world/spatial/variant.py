@@ -8,6 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from rungwise.scene.fields.laws.contact import told, written
+from rungwise.scene.fields.laws.law import ALWAYS, FRICTION, RESTITUTION
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.fields import Contact
 from rungwise.scene.space.laws import FROM
@@ -36,28 +38,29 @@ class SpatialVariant(Variant):
 
     def effective(self, ingredient: str) -> Any:
         """What the ingredient amounts to in this world: plain values that are equal where it is the same."""
-        model, laws = self.model, self.bound.laws
+        model, laws, named = self.model, self.bound.laws, self.bound.named
         bounces = model.inertia > 0.0 and not model.compliant and laws[:, BOUNCE].any()
         found: dict[str, Any] = {
             of.BALANCE: not model.metric,
-            of.FRICTION: laws[:, SLIP].tobytes() if model.friction else 0.0,
+            of.FRICTION: [laws[:, SLIP].tobytes(), *told(named, FRICTION)] if model.friction else 0.0,
             of.SUPPORT: 0.0,
             of.COMPLIANCE: laws[:, GIVE].tobytes() if model.compliant else 0.0,
             of.INERTIA: model.inertia,
-            of.RESTITUTION: laws[:, BOUNCE].tobytes() if bounces else 0.0,
+            of.RESTITUTION: [laws[:, BOUNCE].tobytes(), *told(named, RESTITUTION)] if bounces else 0.0,
             of.ACCURACY: self.tol,
         }
         return self._others if ingredient == of.OTHER else found[ingredient]
 
     @cached_property
-    def _others(self) -> list[bytes]:
-        """All numbers of the model, the start and the drives."""
+    def _others(self) -> list[Any]:
+        """All numbers of the model, the start and the drives, and of laws that are no other ingredient's."""
         import mujoco
 
         model, bound = self.bound.model, self.bound
         content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
         mujoco.mj_saveModel(model, None, content)
-        return [each.tobytes() for each in (content, bound.place, bound.motion, bound.control, bound.pace)]
+        numbers = (content, bound.place, bound.motion, bound.control, bound.pace)
+        return [told(bound.named, ALWAYS), *(each.tobytes() for each in numbers)]
 
     def resolved(self, friction: Self, _support: Self, give: Self, bounce: Self) -> SpaceScene:
         """The scene without conditions, with numbers of its entries of contacts from these worlds."""
@@ -73,6 +76,8 @@ class SpatialVariant(Variant):
                 damping=float(gives[k][2]), tangential_damping=float(gives[k][3]),
                 restitution=float(bounces[k]),
                 **{name: float(x) for name, x in zip(FRICTIONS, slips[k], strict=True) if not math.isnan(x)},
+                **written(friction.bound.named[k], FRICTION),
+                **written(bounce.bound.named[k], RESTITUTION), **written(self.bound.named[k], ALWAYS),
             )
             for k, entry in enumerate(self.scene.file.contacts, start=1)
         )  # fmt: skip

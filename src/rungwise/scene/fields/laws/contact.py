@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias, TypeVar, cast
 
-from rungwise.kernel import Record, inner_kernel
+from rungwise.kernel import Record, inner_kernel, record_type
 from rungwise.scene.fields.laws.adhesion import Adhesion
 from rungwise.scene.fields.laws.law import (
     Law,
@@ -30,25 +30,33 @@ Until: TypeAlias = Callable[[Record, float, float, float, float, float], float]
 Refused: TypeAlias = Callable[[Record], int]
 
 
-class Contact(
+class Named(
     Poisson,
     Adhesion,
     Yielding,
     StaticFriction,
 ):
-    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds.
-
-    Laws that are off unless they are named: `static_friction` holds what does not slide, `friction` acts on
-    what does; restitution falls above `yield_speed`, as its power -1/4 (Johnson 1985); each point of contact
-    pulls with `adhesion` while its gap is at most `adhesion_range` (Derjaguin, Muller and Toporov 1975);
-    `impact` says whether restitution is Newton's, of speeds, or Poisson's, of impulses.
-    """
+    """Laws of contact that are off unless they are named, in the plane and in space: `static_friction` holds
+    what does not slide, `friction` acts on what does; restitution falls above `yield_speed`, as its power
+    -1/4 (Johnson 1985); each point of contact pulls with `adhesion` while its gap is at most `adhesion_range`
+    (Derjaguin, Muller and Toporov 1975); `impact` says whether restitution is Newton's, of speeds, or
+    Poisson's, of impulses."""
 
 
-FIELDS: tuple[type[Lawful], ...] = tuple(cast("type[Lawful]", each) for each in Contact.__bases__[::-1])
+class Contact(Named, Touching):
+    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds. See
+    `Named` for laws that are off unless they are named."""
+
+
+FIELDS: tuple[type[Lawful], ...] = tuple(cast("type[Lawful]", each) for each in Named.__bases__[::-1])
 LAWS: tuple[Law, ...] = tuple(each.law for each in FIELDS)
-OWN = tuple(name for name in Contact.model_fields if name not in Touching.model_fields)
+OWN = tuple(Named.model_fields)
 """The fields of the laws."""
+RECORD = record_type(
+    "laws", " ".join(["friction", *(number.field for law in LAWS for number in law.numbers)])
+)
+"""What an entry names: the sum of the bits of its laws, friction, nan where it gives none, and the numbers of
+the laws. Records of contacts in the plane have the same fields among others."""
 CHOICES = frozenset(name for law in LAWS for name in law.choice)
 """Fields that are no numbers."""
 
@@ -65,10 +73,10 @@ ROUGH = sum(1 << k for k, law in enumerate(LAWS) if not law.is_smooth)
 """Laws with which steps are not differentiated."""
 
 
-def named_by(contact: Contact) -> int:
+def named_by(contact: Named) -> int:
     """The sum of the bits of the laws that an entry names."""
-    own = [next(name for name in each.model_fields if name not in Touching.model_fields) for each in FIELDS]
-    given = [getattr(contact, name) != Contact.model_fields[name].default for name in own]
+    own = [next(iter(each.model_fields)) for each in FIELDS]
+    given = [getattr(contact, name) != Named.model_fields[name].default for name in own]
     return sum(1 << k for k, is_given in enumerate(given) if is_given)
 
 
@@ -86,6 +94,11 @@ def told(records: Any, ingredient: str) -> list[list[Any]]:
     own = [(k, law) for k, law in enumerate(LAWS) if law.ingredient == ingredient]
     chosen = [(records["laws"] & 1 << k).tolist() for k, law in own if law.choice]
     return chosen + [records[number.field].tolist() for _, law in own for number in law.numbers]
+
+
+def titles(records: Any) -> list[str]:
+    """The names of the laws that any of these contacts names."""
+    return [law.title for k, law in enumerate(LAWS) if (records["laws"] & 1 << k).any()]
 
 
 def in_words(fields: Mapping[str, Any]) -> str:

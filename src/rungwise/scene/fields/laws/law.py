@@ -1,4 +1,4 @@
-"""What every contact says, and what a law of contact besides states of itself."""
+"""What every contact in the plane says, and what a law of contact besides states of itself."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def until_across(reach: float, gap: float, rate: float, across: float, rounding:
 
 
 class Touching(Strict):
-    """What every entry of contacts says: which bodies, and the numbers of the common laws."""
+    """What every entry of contacts in the plane says: which bodies, and the numbers of the common laws."""
 
     between: tuple[Pattern, Pattern]
     friction: Number = 0.0
@@ -85,7 +85,7 @@ class Law:
     refusal: str = ""
 
 
-class Lawful(Touching):
+class Lawful(Strict):
     """Base of the fields of laws."""
 
     law: ClassVar[Law]

@@ -1,5 +1,5 @@
 """Poisson's restitution: of impulses, in two phases, in place of Newton's, of speeds. What an impact does
-with it is in `simulation.core.poisson_impact`."""
+with it is in `simulation.core.laws.poisson_impact`."""
 
 from __future__ import annotations
 

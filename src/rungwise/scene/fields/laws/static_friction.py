@@ -1,5 +1,5 @@
 """Static friction: what does not slide is held by up to a coefficient above that of what slides. What a step
-does with it is in `simulation.core.static_friction`."""
+does with it is in `simulation.core.laws.static_friction`."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 What pulls is added to the loads, and steps end where a point enters or leaves the range of a pull: a pull
 that acts on for the rest of a step would do far more work than the range allows. The laws themselves are in
-`scene.fields.laws`; what sticks is in `simulation.core.static_friction`, impacts in
-`simulation.core.poisson_impact`.
+`scene.fields.laws`; what sticks is in `simulation.core.laws.static_friction`, impacts in
+`simulation.core.laws.poisson_impact`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,12 @@ from rungwise.models.assemble import approach
 from rungwise.scene.fields.laws.contact import POISSON, PULLS, REBOUNDS, pull, rebound, until_edge
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.state import IMPULSIVE, KINETIC, STATIC
+from rungwise.simulation.core.tolerances import ACROSS
 from rungwise.simulation.planar.state.workspace import Scratch, State, Workspace
 from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import coordinate_count, lever
 from rungwise.system.terms import Terms
-
-ACROSS = 1e-3
-"""How far across the edge of the range of a pull a step ends that crosses it, over the range."""
 
 
 @rare_kernel
