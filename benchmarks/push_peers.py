@@ -1,7 +1,8 @@
 """MuJoCo, Box2D and pymunk on the measured push of benchmarks/real_push.py, in the place of a rung.
 
 The rod hangs on the same spring and damper, which moves as measured. In MuJoCo the part stands on six feet on
-a circle, whose radius and centre are those of the pressure. Box2D and pymunk have no support; there a joint
+a circle, whose radius and centre are those of the pressure. There the weight follows from statics, so the
+centre of mass is put at the centre of the circle. Box2D and pymunk have no support; there a joint
 resists sliding, with a force up to mu_s times the weight, and another one turning, with a torque up to that
 force times the radius: both at once in full, so force and torque do not limit each other.
 """
@@ -56,12 +57,12 @@ class Pushed(NamedTuple):
 
 
 def mujoco(pushed: Pushed) -> Engine:
-    """MuJoCo in space."""
+    """MuJoCo in space. What is in the body's frame at first would stay there."""
     import mujoco as mj
 
     height = 0.5 * pushed.thick
     mesh = " ".join(f"{x} {y} {z}" for x, y in pushed.corners for z in (-height, height))
-    feet = "".join(f'<geom name="foot{i}" type="sphere" size="{FOOT}"/>' for i in range(6))
+    feet = "".join(f'<geom name="foot{i}" type="sphere" size="{FOOT}" pos="0.01 0 0"/>' for i in range(6))
     pairs = "".join(f'<pair geom1="table" geom2="foot{i}" condim="3"/>' for i in range(6))
     tilt = pushed.mass * (0.5 * pushed.inertia / pushed.mass + pushed.thick**2 / 12.0)
     text = f"""<mujoco><option timestep="{pushed.period / STEPS}" gravity="0 0 -{GRAVITY}" cone="elliptic"/>
@@ -72,7 +73,7 @@ def mujoco(pushed: Pushed) -> Engine:
       <joint type="slide" axis="0 1 0"/><geom name="rod" type="cylinder" size="{pushed.radius} {height}"/>
       <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
       <body name="part"><freejoint/>
-      <inertial pos="0 0 0" mass="{pushed.mass}" diaginertia="{tilt} {tilt} {pushed.inertia}"/>
+      <inertial pos="0.01 0 0" mass="{pushed.mass}" diaginertia="{tilt} {tilt} {pushed.inertia}"/>
       <geom name="part" type="mesh" mesh="part"/>{feet}</body></worldbody>
       <contact>{pairs}<pair geom1="rod" geom2="part" condim="3"/></contact></mujoco>"""
     model = mj.MjModel.from_xml_string(text)
@@ -88,6 +89,7 @@ def mujoco(pushed: Pushed) -> Engine:
         centre = (values["centre_x"], values["centre_y"])
         model.geom_pos[under, :2] = values["press"] * circle + centre
         model.geom_pos[under, 2] = -height
+        model.body_ipos[model.body("part").id] = *centre, 0.0
         force = pushed.led(values)
 
         def run(start: Any, durations: Any) -> Iterator[Any]:

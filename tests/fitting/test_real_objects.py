@@ -61,24 +61,45 @@ def test_stronge_gives_back_a_part_of_the_work_where_sliding_turns_round(impacts
     assert 0.5 * impulse * (own.normal @ after) == pytest.approx(0.25 * taken)
 
 
-@pytest.mark.parametrize("engine", [
+ENGINES = [
     "quasistatic-rigid", "dynamic-rigid", "dynamic-compliant",
     *(pytest.param(name, marks=pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is missing"))
       for name in ("mujoco", "pymunk")),
-])  # fmt: skip
-def test_a_part_follows_a_rod_through_its_centre(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On every rung and in every simulator, and the arm's end is ahead by the friction over its stiffness."""
-    real_push = script("benchmarks/real_push.py", monkeypatch)
+]  # fmt: skip
+VALUES = {"mu": 0.2, "mu_s": 0.3, "press": 0.03, "centre_x": 0.0, "centre_y": 0.0, "arm": 2e3}
+VALUES |= {"arm_C": 60.0, "lag": 0.0}
+
+
+def straight(real_push: ModuleType, aside: float) -> Any:
+    """A rod that moves straight, and passes the centre of the part at a distance; the part goes as far."""
     speed, frames = 0.05, np.arange(60)
     reach = 0.5 * 3.0**0.5 * real_push.SIDE + real_push.ROD
     way = speed * real_push.PERIOD * frames
-    path = np.zeros((60, 4))
-    path[:, 1], path[:, 3] = way - reach, speed
-    part = np.zeros((60, 3))
-    values = {"mu": 0.2, "mu_s": 0.3, "press": 0.03, "centre_x": 0.0, "centre_y": 0.0, "arm": 2e3}
-    part[:, 1] = way - 0.3 * real_push.MASS * 9.81 / 2e3
-    push = real_push.Push(path, part, np.zeros((60, 2)))
-    push.part[0] = 0.0
-    scene = real_push.scene_of("ellipsoid", path[0])
-    off = real_push.errors_of(scene, engine, push, values | {"arm_C": 60.0, "lag": 0.0})
+    path, part = np.zeros((60, 4)), np.zeros((60, 3))
+    path[:, 0], path[:, 1], path[:, 3] = aside, way - reach, speed
+    part[1:, 1] = way[1:] - 0.3 * real_push.MASS * 9.81 / VALUES["arm"]
+    return real_push.Push(path, part, np.zeros((60, 2)))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_part_follows_a_rod_through_its_centre(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On every rung and in every simulator, and the arm's end is ahead by the friction over its stiffness."""
+    real_push = script("benchmarks/real_push.py", monkeypatch)
+    push = straight(real_push, 0.0)
+    off = real_push.errors_of(real_push.scene_of("ellipsoid", push.rod[0]), engine, push, VALUES)
     assert off[-1, 0] < 2e-4 and off[-1, 1] < 1e-3
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_pressure_and_its_centre_decide_how_a_part_turns(
+    engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The farther out it is pressed, the less it turns; pushed through the centre of pressure, hardly."""
+    real_push = script("benchmarks/real_push.py", monkeypatch)
+    push = straight(real_push, 0.02)
+    scene = real_push.scene_of("ellipsoid", push.rod[0])
+    changes = ({"press": 0.01}, {}, {"centre_x": 0.02})
+    far, near, least = (
+        real_push.errors_of(scene, engine, push, VALUES | change)[-1, 1] for change in changes
+    )
+    assert far > 1.2 * near and near > 3.0 * least
