@@ -9,7 +9,7 @@ samples are run in both modes. A task is a shipped scene or a file, with `:name=
 `examples/data/allegro_cube.yaml:turn=90`. The columns: length of the plan in seconds; successes open loop and
 with feedback; outcome in MuJoCo and, where it misses, by how much a condition of the goal fails there; with
 feedback the proposals of a sample, parts of these that kept what was left, their steps, and milliseconds.
-With `--plans` plans are kept in a folder, and those that lie there are used again.
+With `--plans` plans are kept in a folder, and those that lie there as TASK.json are used again.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -115,17 +116,22 @@ def main() -> None:
 
 
 def planned(name: str, asked: argparse.Namespace) -> rw.Plan:
-    """A plan of a task, or the one that was kept."""
+    """A plan of a task as it ships, or the one that was kept, in the scene with errors."""
     file, _, given = name.partition(":")
-    scene, known = varied(file), Path(asked.plans or "") / f"{Path(file).stem}.json"
+    known = Path(asked.plans or "") / f"{Path(file).stem}.json"
     if asked.plans and known.is_file():
-        return rw.load_plan(known, scene)
-    parameters = {key: float(value) for key, value in (each.split("=") for each in given.split(":") if each)}
-    seed = {"task_seed": 1001} if name == "push" else {}
-    plan = rw.plan(scene, seed=asked.seed, limit=asked.limit, parameters=parameters, **seed)
-    if asked.plans and plan.found:
-        plan.save(known)
-    return plan
+        plan = rw.load_plan(known)
+    else:
+        parameters = {
+            key: float(value) for key, _, value in (each.partition("=") for each in given.split(":")) if key
+        }
+        seed = {"task_seed": 1001} if name == "push" else {}
+        plan = rw.plan(file, seed=asked.seed, limit=asked.limit, parameters=parameters, **seed)
+        if asked.plans and plan.found:
+            plan.save(known)
+    scene = varied(file)
+    errors = {key: each.default for key, each in scene.file.parameters.items()}
+    return replace(plan, scene=scene, parameters=errors | plan.parameters)
 
 
 def row(name: str, asked: argparse.Namespace) -> str:
@@ -134,7 +140,7 @@ def row(name: str, asked: argparse.Namespace) -> str:
     if not plan.found or plan.stage is None:
         return f"{short:16} no plan: {plan.reason}"
     model, tol = plan.stage.model, plan.tol
-    trials = Trials(plan, model, tol, "open loop", asked.seed)
+    trials = Trials(plan, model, tol, "open loop", asked.seed, threads=1)
     points = trials.draw(asked.samples)
     ends = [Code(int(code)) for code in trials.run(points)[0]]
     fed, seen, made = FedBack(plan, model, tol, asked.noise), list[Code](), list[Any]()

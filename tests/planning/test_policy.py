@@ -13,6 +13,7 @@ from rungwise.planning.execution.timed import Timed
 from rungwise.planning.motion.budget import Stage
 from rungwise.world.carriers import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
+from tests.planning.members import unnamed_hand
 
 PLANS = {
     "card": {},
@@ -121,6 +122,21 @@ def test_a_box_that_lies_elsewhere_is_brought_to_the_goal() -> None:
     while simulation.running:
         simulation.step(1.0 / policy.rate, policy(simulation), ramp=policy.ramp)
     assert simulation.outcome == rw.Outcome.GOAL
+
+
+def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None:
+    data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)
+    data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
+    data["bodies"]["disc"]["pose"]["x"] = "aside"
+    plan = rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=0, limit=300)
+    assert "follow" in plan.labels
+    elsewhere = plan.parameters | {"aside": 0.005}
+    policy = plan.policy()
+    run = rw.simulate(
+        plan.scene, "quasistatic-compliant", parameters=elsewhere, tol=plan.tol, control=policy,
+        rate=policy.rate, duration=policy.duration,
+    )  # fmt: skip
+    assert run.outcome == rw.Outcome.GOAL and not all(each.kept for each in policy.proposals)
 
 
 def test_the_cheapest_rung_from_which_a_plan_held_is_adequate() -> None:

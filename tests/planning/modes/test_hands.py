@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.planning.execution.feedback import Moves
 from rungwise.planning.modes.hands import described
 from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
@@ -176,6 +178,25 @@ def test_cycles_give_values_to_all_inputs_and_lead_as_far_as_a_cycle_may() -> No
 def test_two_fingers_turn_a_disc_as_far_as_is_asked(turn: float, seed: int) -> None:
     found = _plan(unnamed_hand(turn, 40), "quasistatic-compliant", seed, 20_000)
     assert found.course.reached
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hand_goes_on_by_cycles_where_nothing_of_its_plan_leads_on(seed: int) -> None:
+    """Wherever the object is; the moves are made one by one."""
+    scene, rng = unnamed_hand(0.8, 40), np.random.default_rng(seed)
+    work = begin(task_of(scene), Budget(10_000, None), seed, 1)
+    predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
+    none = np.zeros((0, work.moves.size))
+    rest = Moves(rw.Plan(scene, work.task.parameters, moves=none), predictor, work)
+    start, levels, made = work.start, rest.before, 0
+    start.q[0, list(scene.template.coordinates).index("disc.x")] += rng.uniform(-0.003, 0.003)
+    reached = False
+    while not reached:
+        course = rest.next(replace(work, start=start), levels)
+        assert course is not None
+        start, levels, reached, made = course.places[-1], course.levels, course.reached, made + 1
+    assert made >= 3
 
 
 @pytest.mark.few(1)

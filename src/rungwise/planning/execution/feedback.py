@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.execution.remaining_legs import Legs, inputs_of, run_pieces
+from rungwise.planning.modes.hands.gaits import cycled, hand_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
 from rungwise.planning.plan import Plan
+from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.layout import Course, is_by_modes, lay_out
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.search.shooting import Search, run_moves, shoot
-from rungwise.planning.search.tree import grow
+from rungwise.planning.search.tree import Tree, grow
 from rungwise.planning.task.task import task_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
@@ -38,9 +41,13 @@ ROUNDS = 12
 class Moves:
     """The moves (k, d) of a plan that are left in one execution; before: inputs (u,) at its beginning."""
 
-    def __init__(self, plan: Plan, nominal: Predictor) -> None:
-        self.before = task_of(plan.scene, plan.parameters).before
+    def __init__(self, plan: Plan, nominal: Predictor, work: Work) -> None:
+        """`work` begins where the plan does: a hand and its goals are the same from wherever it goes on."""
+        self.before = work.task.before
         self._left, self._nominal = plan.moves, nominal
+        self._hand = hand_in(work)
+        if self._hand is not None:
+            goals_of(work)
 
     def next(self, work: Work, levels: Reals) -> Course | None:
         """The next move, laid out; None where there is none."""
@@ -59,33 +66,58 @@ class Moves:
 
     def _plans(self, work: Work, rest: Reals, levels: Reals) -> Iterator[Reals]:
         """Plans (k, d) from where the world is, as they are found: the rest of the plan if it comes to the
-        goal, plans near it, and new ones; last those that come nearest to the goal."""
+        goal, plans near it where no hand has many joints to vary, and new ones; last those that come nearest
+        to the goal."""
         if len(rest):
             trial = run_moves(work.moves, self._nominal, work.start, rest[None], work.whole, levels)
             if trial.reached[0]:
                 yield rest[: trial.reached[0]]
-            near = shoot(
-                work.moves, self._nominal, work.start, len(rest), work.whole, work.rng, REPAIR,
-                seeds=rest[None], spread=0.1, before=levels,
-            )  # fmt: skip
-            for vectors, reached in zip(near.vectors, near.reached, strict=True):
-                if reached:
-                    yield vectors[:reached]
+            if self._hand is None:
+                yield from self._near(work, rest, levels)
         nearest = list[tuple[float, Reals]]()
-        while work.budget.left:
-            most = max(2, len(rest))
-            tree, way = grow(
-                work.moves, self._nominal, work.start, levels, work.whole, most, ROUNDS, work.rng
-            )
+        for tree, way in self._trees(work, levels, max(2, len(rest))):
             if len(way):
                 yield way
-            if len(tree.parent) == 1:
-                break
             node = int(tree.lack.argmin())
             nearest.append((float(tree.lack[node]), tree.way(node)))
         for _, vectors in sorted(nearest, key=lambda each: each[0]):
             if len(vectors):
                 yield vectors
+
+    def _near(self, work: Work, rest: Reals, levels: Reals) -> Iterator[Reals]:
+        """Plans near what is left (k, d) that come to the goal."""
+        near = shoot(
+            work.moves, self._nominal, work.start, len(rest), work.whole, work.rng, REPAIR,
+            seeds=rest[None], spread=0.1, before=levels,
+        )  # fmt: skip
+        for vectors, reached in zip(near.vectors, near.reached, strict=True):
+            if reached:
+                yield vectors[:reached]
+
+    def _trees(self, work: Work, levels: Reals, most: int) -> Iterator[tuple[Tree, Reals]]:
+        """Trees from where the world is, with a plan (k, d) to the goal or (0, d), until the budget is spent
+        or one does not grow; of cycles, where a hand holds the object, and of any moves in turns."""
+        for number in count():
+            if not work.budget.left:
+                return
+            if self._hand is not None and number % 2 == 0:
+                cycles, way = cycled(work, self._nominal, self._hand, levels, number)
+                if cycles is not None:
+                    yield cycles, way
+                continue
+            tree, way = grow(
+                work.moves, self._nominal, work.start, levels, work.whole, most, ROUNDS, work.rng
+            )
+            yield tree, way
+            if len(tree.parent) == 1:
+                return
+
+
+def begun(plan: Plan, budget: Budget, seed: int, threads: int | None) -> Work:
+    """The work of the search that found a plan, from where it began: legs by contact modes have fingers, also
+    where the task does not name them."""
+    work = begin(task_of(plan.scene, plan.parameters), budget, seed, threads)
+    return work.named if is_by_modes(plan.labels) else work
 
 
 class Replanner:
@@ -95,9 +127,9 @@ class Replanner:
         self, plan: Plan, stage: Stage, tol: float, threads: int | None = None, time: Budget | None = None
     ) -> None:
         self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
-        self._task = task_of(plan.scene, plan.parameters)
         self._time = Budget() if time is None else time
-        self._work = begin(self._task, self._time.within(None), 0, threads)
+        self._work = begun(plan, self._time.within(None), 0, threads)
+        self._task = self._work.task
         accuracy = stage.tol if is_by_modes(plan.labels) else COARSE
         self._nominal = self._work.predictor(Stage(stage.model, accuracy))
         self._steps = world_of(plan.scene).replanning_steps
@@ -106,7 +138,7 @@ class Replanner:
         """All that is to be executed."""
         if is_by_modes(self._plan.labels):
             return Legs(self._plan, self._nominal, self._work.start)
-        return Moves(self._plan, self._nominal)
+        return Moves(self._plan, self._nominal, self._work)
 
     def execute(
         self, parameters: dict[str, float], errors: dict[str, float], seed: int

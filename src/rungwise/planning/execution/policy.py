@@ -22,14 +22,13 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import Code
+from rungwise.planning.execution.feedback import begun
 from rungwise.planning.execution.receding import rest_of, whole
 from rungwise.planning.execution.remaining_legs import ASTRAY, PIECE, in_pieces
 from rungwise.planning.execution.timed import Timed, still, timed
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.propagate import GOES_ON, Places
 from rungwise.planning.plan import HELD, NOTHING, PLACES_ONLY, Plan
-from rungwise.planning.search.problem import begin
-from rungwise.planning.task.task import task_of
 from rungwise.simulation.live.observation import Observation
 from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.state import State, StateError
@@ -114,14 +113,14 @@ class Policy:
         if not plan.stage.model.moves:
             raise TaskError(f"plan: {PLACES_ONLY}")
         self.plan, world = plan, world_of(plan.scene)
-        self._task = task_of(plan.scene, plan.parameters)
         self._stage = adequate(plan) if model is None else Stage(moving_rung(model), plan.stage.tol)
         self._steps = world.replanning_steps if budget is None else count("budget", budget, 1)
         self._limit = seconds(limit)
         self._average = count("average", average, 1)
         self._around: Surroundings | None = world.surroundings(plan.parameters)
         self._firm = self._firmness()
-        self._work = begin(self._task, Budget(), plan.seed, 1)
+        self._work = begun(plan, Budget(), plan.seed, 1)
+        self._task = self._work.task
         self._nominal = self._work.predictor(self._stage)
         self._rest = rest_of(plan, self._nominal, self._work)
         self._whole = whole(plan, self._work)

@@ -104,7 +104,7 @@ class RecedingMoves(Moves):
     midway = False
 
     def __init__(self, plan: Plan, nominal: Predictor, work: Work) -> None:
-        super().__init__(plan, nominal)
+        super().__init__(plan, nominal, work)
         self._task = work.task
 
     def away(self, _leg: int, here: Reals, expected: Reals) -> float:

@@ -17,6 +17,7 @@ from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.tree import Tree, grow
 from rungwise.planning.task.task import Task
+from rungwise.world.find import world_of
 
 ABREAST, EACH = 6, 3
 """Cycles that are run together, and that are proposed from one node at a time."""
@@ -39,19 +40,8 @@ def hand_in(work: Work) -> Hand | None:
 
 def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
     """A plan of cycles by one more tree. Raises TimeOver."""
-    if not len(goals_of(work)):
-        return None
     number = work.kept[TREES_BY_HAND] = work.kept.get(TREES_BY_HAND, -1) + 1
-    gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
-    try:
-        gaits.tree, way = grow(
-            work.moves, predictor, work.start, work.task.before, work.whole, work.task.moves[1], ROUNDS, rng,
-            None, gaits,
-        )  # fmt: skip
-    finally:
-        if gaits.tree is not None:
-            best = int(gaits.tree.lack.argmin())
-            work.came_near(float(gaits.tree.lack[best]), gaits.tree.q[best])
+    _, way = cycled(work, predictor, hand, work.task.before, number)
     if not len(way):
         return None
     course = laid(work, predictor, way)
@@ -59,6 +49,27 @@ def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
         return Found(course, way[: len(course.counts)])
     work.unlaid += 1
     return None
+
+
+def cycled(
+    work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int
+) -> tuple[Tree | None, Reals]:  # fmt: skip
+    """The tree of cycles of this number from where the work starts, after inputs `levels` (u,); None where no
+    place at the goal is known. And its moves (k, d) to the goal, (0, d) if there are none. Raises
+    TimeOver."""
+    if not len(goals_of(work)):
+        return None, np.zeros((0, work.moves.size))
+    gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
+    try:
+        gaits.tree, way = grow(
+            work.moves, predictor, work.start, levels, work.whole, work.task.moves[1], ROUNDS, rng, None,
+            gaits,
+        )  # fmt: skip
+    finally:
+        if gaits.tree is not None:
+            best = int(gaits.tree.lack.argmin())
+            work.came_near(float(gaits.tree.lack[best]), gaits.tree.q[best])
+    return gaits.tree, way
 
 
 @dataclass
@@ -90,7 +101,8 @@ class Gaits:
         """Nodes (m,) to go on from, and moves (m, d)."""
         self.tree = tree
         if self._cycles is None:
-            self._cycles = Cycles(self._hand, tree.q[0])
+            home = world_of(self._task.scene).at(self._task.parameters).q
+            self._cycles = Cycles(self._hand, home)
         self._go_on(tree, deepest)
         inner = np.flatnonzero(tree.depth < deepest - 1)
         for _ in range(ABREAST):
