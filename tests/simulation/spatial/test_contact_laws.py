@@ -291,7 +291,7 @@ def test_a_ball_bounces_off_a_floor_that_pulls_as_in_the_plane(make: Make) -> No
     ends = []
     for accuracy in ({"step": 1e-4}, {"tol": 1e-5}):
         model = world(FLOOR, free("ball", "0 0 .15", 'size=".1"'), before=NO_GRAVITY)
-        scene = make(model, contacts=[law], start=speeds("ball", z=-1.0), duration=0.2)
+        scene = make(model, contacts=[law], start=speeds("ball", z=-1.0), duration=0.12)
         ends.append(v(run(scene, rw.DYNAMIC_RIGID, **accuracy))[2])
     ball = {
         "role": "object", "shape": {"kind": "disc", "radius": 0.1}, "mass": 1.0, "pose": {"y": 0.15},
@@ -299,7 +299,7 @@ def test_a_ball_bounces_off_a_floor_that_pulls_as_in_the_plane(make: Make) -> No
     }  # fmt: skip
     contact = {"between": ["ball", "floor"]} | law
     planar = {"name": "b", "bodies": {"ball": ball, "floor": HALFPLANE}, "contacts": [contact]}
-    other = rw.simulate(planar | {"duration": 0.2, "step": 1e-3}, rw.DYNAMIC_RIGID)
+    other = rw.simulate(planar | {"duration": 0.12, "step": 1e-3}, rw.DYNAMIC_RIGID)
     np.testing.assert_allclose(ends, other.trajectory.velocity.values[-1][1], atol=5e-3)
     gained, e = 1.0 + 2.0 * 5.0 * 0.01, 0.5 * (math.sqrt(1.1) / 0.8) ** -0.25
     np.testing.assert_allclose(ends, math.sqrt(e**2 * gained - 0.1), atol=5e-3)
@@ -318,23 +318,67 @@ def test_a_pull_from_farther_than_gaps_are_known_is_refused(make: Make) -> None:
 # All laws.
 
 
-@pytest.mark.few(2)
-@pytest.mark.parametrize("turn", [0.5 * math.pi, 2.0])
+def rolls(make: Make, turn: float = 0.0, side: float = 1.0, **fields: Any) -> Any:
+    """A spinning ball that falls on a floor with all laws, under gravity that is not upright; turned by
+    `turn` about the vertical, or on the other side of the plane of x and z."""
+    c, s = math.cos(turn), math.sin(turn)
+    law = RAMP | {"adhesion": 1.0, "adhesion_range": 1e-3, "restitution": 0.5, "yield_speed": 0.1}
+
+    def turned(x: float, y: float) -> tuple[float, float]:
+        return c * x - s * y, s * x + c * y
+
+    pull, way, spin = turned(2.0, side * 0.5), turned(0.5, side * 0.2), turned(side * 1.0, 3.0)
+    begun = speeds("ball", x=way[0], y=way[1], z=-1.0, rx=spin[0], ry=spin[1], rz=side * 2.0)
+    model = world(FLOOR, free("ball", "0 0 .11", 'size=".1"'), before=GRAVITY.format(*pull, -10.0))
+    common = {"duration": 0.15, "step": 1e-3} | fields
+    return make(model, contacts=[STIFF | law | POISSON], start=begun, **common)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize(("turn", "side"), [(0.5 * math.pi, 1.0), (2.0, 1.0), (0.0, -1.0)])
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
-def test_what_is_turned_about_the_vertical_moves_turned(make: Make, rung: Rung, turn: float) -> None:
-    ends = []
-    for angle in (0.0, turn):
-        c, s = math.cos(angle), math.sin(angle)
-        law = RAMP | {"adhesion": 1.0, "adhesion_range": 1e-3, "restitution": 0.5, "yield_speed": 0.1}
-        model = world(
-            FLOOR, free("ball", "0 0 .11", 'size=".1"'), before=GRAVITY.format(2.0 * c, 2.0 * s, -10.0)
-        )
-        begun = speeds("ball", x=0.5 * c, y=0.5 * s, z=-1.0, rx=-3.0 * s, ry=3.0 * c)
-        contacts = [STIFF | law | POISSON]
-        found = run(make(model, contacts=contacts, start=begun, duration=0.15, step=1e-3), rung)
-        x, y, z = q(found)[:3]
-        ends.append([c * x + s * y, c * y - s * x, z])
-    np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
+def test_what_is_turned_or_mirrored_moves_so(make: Make, rung: Rung, turn: float, side: float) -> None:
+    own, other = (q(run(rolls(make, *how), rung))[:3] for how in ((), (turn, side)))
+    c, s = math.cos(turn), math.sin(turn)
+    back = [c * other[0] + s * other[1], side * (c * other[1] - s * other[0]), other[2]]
+    np.testing.assert_allclose(back, own, atol=1e-6)
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+def test_a_run_with_laws_goes_on_from_any_state(make: Make, rung: Rung) -> None:
+    scene = rolls(make, duration=0.08, step=2e-3)
+    whole = rw.simulate(scene, rung)
+    for state in whole.states[3:-1:9]:
+        rest = rw.simulate(scene, rung, state=state)
+        assert np.array_equal(q(rest), q(whole)) and np.array_equal(v(rest), v(whole))
+
+
+@pytest.mark.parametrize("side", [0.98, 1.02])
+def test_torsional_friction_of_what_sticks_is_greater_in_proportion(make: Make, side: float) -> None:
+    """A motor turns a ball on the spot; what slides is slowed by kinetic torsional friction."""
+    joints = '<joint name="z" type="slide" axis="0 0 1"/><joint name="r" axis="0 0 1"/>'
+    body = f'<body name="b" pos="0 0 .1">{joints}<geom size=".1" mass="1" friction="1 .05 .001"/></body>'
+    model = world(
+        FLOOR.replace("/>", ' condim="4" friction="1 .05 .001"/>'), body,
+        before=GRAVITY.format(0, 0, -10), after='<actuator><motor name="m" joint="r"/></actuator>',
+    )  # fmt: skip
+    scene = make(model, contacts=[RAMP], controls={"m": side * 0.5 * 0.05 * 10.0}, duration=0.05, step=1e-3)
+    turned = v(run(scene, rw.DYNAMIC_RIGID))[1]
+    expected = 0.05 * (side * 0.5 - 0.3) * 0.05 * 10.0 / (0.4 * 0.1**2) if side > 1.0 else 0.0
+    assert turned == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_samples_with_static_friction_below_kinetic_are_named(make: Make) -> None:
+    model, ranges = (
+        world(FLOOR, free("b", "0 0 .1", 'size=".1"')),
+        {"held": {"default": 0.5, "range": [0.1, 1]}},
+    )
+    entry = {"friction": 0.3, "static_friction": "held"}
+    scene = make(model, contacts=[entry], parameters=ranges, duration=0.01)
+    held = np.array([0.2, 0.5])
+    found = rw.rollout(scene, "dynamic-rigid", durations=0.01, parameters={"held": held}, threads=1)
+    assert found.faults == {0: "sample 0: contacts.0: static_friction must be at least friction"}
 
 
 def lawful(make: Make, **changes: Any) -> Any:
