@@ -50,7 +50,12 @@ class Entry:
     @property
     def tests(self) -> list[str]:
         """The tests, below `tests`."""
-        return [word for word in self.held.partition("free")[0].split() if word not in "-+"]
+        return [word for word in self.signed if word not in "-+"]
+
+    @property
+    def signed(self) -> list[str]:
+        """The tests, each after its signs."""
+        return f" {self.held}".partition(" free ")[0].split()
 
     @property
     def free(self) -> float:
@@ -63,7 +68,7 @@ class Entry:
         return self._after("work")
 
     def _after(self, word: str) -> float:
-        following = self.held.partition(f"{word} ")[2].split()
+        following = f" {self.held}".partition(f" {word} ")[2].split()
         return float(following[0]) if following else 0.0
 
 
@@ -220,8 +225,7 @@ def _number(value: Any) -> str:
 def _tests(entry: Entry) -> str:
     """Tests as their names alone: files are in `constants.txt`."""
     words = [
-        word if word in "-+" else f"`{word.rpartition('::')[2].rpartition('/')[2]}`"
-        for word in entry.held.partition("free")[0].split()
+        word if word in "-+" else f"`{word.rpartition('::')[2].rpartition('/')[2]}`" for word in entry.signed
     ]
     if entry.free:
         words.append(f"free by a factor of {entry.free:g}")

@@ -29,6 +29,7 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.prepare import schur
 from rungwise.contact.prepare.equivalent import in_contacts
 from rungwise.contact.prepare.rank import _cholesky as cholesky
+from rungwise.contact.prepare.rank import eliminate
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.prepare.units import measured
 from rungwise.contact.problem import Problem
@@ -220,6 +221,13 @@ def is_known(e: float) -> bool:
     return eliminated(A)[0]
 
 
+def is_skipped(e: float) -> bool:
+    """Whether an entry of e beside a pivot of one half of it is not carried to another column."""
+    A = np.array([[2.0, 1.0, 0.0], [1.0, 1.0, 0.0], [e, 0.0, 1.0]])
+    unwrap(eliminate)(A, np.zeros(1, np.int64), 1e-11, 1e-6, np.zeros((2, 3), np.int64))
+    return bool(A[2, 1] == 0.0)
+
+
 def nearly_singular(e: float) -> np.ndarray:
     """A symmetric matrix (20, 20) with eigenvalues 1 and one of e."""
     turned = np.linalg.qr(np.random.default_rng(0).normal(size=(20, 20)))[0]
@@ -288,6 +296,7 @@ SIDES: dict[str, tuple[Number, float, float]] = {
     "an error that rounding hides": (lambda e: shifted(1e4, e) == 0.0, 5e-12, 1e-10),
     "unknowns that rounding may hide": (lambda large: shifted(large, 0.0) < 1e-8, 1e11, 1e13),
     "a contact that carries nothing": (seems_open, 1e-10, 1e-8),
+    "an entry that is rounding": (is_skipped, 2e-15, 1e-13),
     "pivots that are rounding": (lambda e: hidden_unknowns(e) == 1, 1e-12, 1e-10),
     "pivots that are clear": (lambda e: hidden_unknowns(e) != 2, 1e-7, 1e-5),
     "a response that is not known": (lambda e: not is_known(e), 2e-13, 1e-10),

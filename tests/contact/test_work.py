@@ -108,3 +108,13 @@ def test_a_share_of_work_is_what_is_left() -> None:
     assert part.left == 25.0 and not part.is_spent
     part.spend_factors(16.0)
     assert part.left == 25.0 - 64.0 - STEP and part.is_spent and part.part().left == 0.0
+
+
+@pytest.mark.parametrize(("stiff", "least", "most"), [(0.1, 150, 300), (0.06, 1, 60)])
+def test_sweeps_go_on_where_a_few_hundred_are_enough(stiff: float, least: int, most: int) -> None:
+    """A chain of springs, of which each sweep leaves the part 1 / (1 + stiff / 2)^2 of the error; the other
+    chain would take four hundred sweeps, and is left to Newton's method."""
+    n = 240
+    A = np.diag(np.full(n, 2.0 + stiff)) - np.eye(n, k=1) - np.eye(n, k=-1)
+    found = rw.solve(rw.Problem.lcp(A, -np.ones(n)), solvers=("gauss-seidel",))
+    assert found.status == "solved" and least <= found.attempts[0].iterations <= most

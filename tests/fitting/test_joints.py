@@ -9,7 +9,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.deadline import NEVER
+from rungwise.fitting.measured.starts import Parting
 from rungwise.fitting.prepare import Options, Prepared, prepare
+from rungwise.system.planar import closing
 from rungwise.world.find import world_of
 
 OPTIONS = Options(0.2, 5, None, 1e-6, 1, 0)
@@ -100,3 +102,34 @@ def test_spans_begin_at_their_time_where_a_drive_follows_it() -> None:
     assert spans.first.max() > 0.3
     errors = one.predictor(spans, NEVER)(np.array([[0.01]])).errors
     assert np.abs(errors).max() < 2e-3
+
+
+@pytest.mark.parametrize(("aside", "same"), [(1e-11, True), (1e-7, False)])
+def test_joints_that_say_the_same_up_to_rounding_are_one(aside: float, same: bool) -> None:
+    found = closing._least(np.array([[1.0, 0.0], [1.0, aside]]), np.ones(2), np.array([1.0, 1.0 + aside]))
+    assert found == pytest.approx([1.0, 0.0 if same else 1.0], abs=1e-6)
+
+
+def test_links_that_are_turned_by_radians_are_joined_again() -> None:
+    """Which takes more than two of Newton's steps, and as many as there may be where no place closes them."""
+    loaded = rw.load(chain(3))
+    place, start = world_of(loaded).place(None), loaded.start()[0][None]
+    turned, speeds = start.copy(), np.zeros((1, 9))
+    turned[0, [2, 5, 8]] += [1.0, -1.5, 2.0]
+    q, _ = place.closed(turned, speeds, np.tile([1.0, 1.0, 1.0], 6))
+    again, _ = place.closed(q, speeds, np.tile([1.0, 1.0, 1.0], 6))
+    assert (again == q).all()
+
+
+@pytest.mark.parametrize("links", [1, 3])
+def test_what_was_measured_moves_by_a_millionth_of_what_was_not(links: int) -> None:
+    """Which leads a joint to where it holds: by the angle, whose lever is a tenth, and by the middle."""
+    loaded = rw.load(chain(links))
+    parting = Parting(loaded, {}, np.ones(3 * links))
+    start, n = loaded.start()[0], 3 * links
+    aside = np.concatenate([start, np.zeros(n)])
+    aside[[0, 1]] += 0.01  # the middle of the first link, which hangs from a wall
+    known = np.tile([0.0, 0.0, 1e-3], 2 * links)
+    moved = parting.closed(aside[None], {}, known)[0] - aside
+    assert moved[[0, 1]] == pytest.approx(-0.01, rel=1e-3)
+    assert 1e-11 < np.abs(moved[2:n:3]).max() < 1e-7

@@ -91,3 +91,34 @@ def test_means_are_of_several_errors(moments: int, looked: bool, monkeypatch: py
     layout: Any = None
     names = [name for name, _ in unlike._cells(predictor, layout, np.zeros(1))]
     assert (unlike.STATES[0] in names) == looked and unlike.STATES[1] in names
+
+
+@pytest.mark.parametrize(("distance", "batches"), [(0.5, 1), (1.5, 1), (4.0, 2), (8.0, 2), (12.0, 1)])
+def test_more_draws_are_made_where_few_leave_doubt(
+    distance: float, batches: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is observed is so many deviations of the draws from their mean, of which 4.9 are the limit."""
+    asked = list[int]()
+
+    def means(values: Any, _scale: Any, _rng: Any) -> Any:
+        asked.append(len(values))
+        drawn = np.linspace(-1.0, 1.0, len(values)) / (0.6 if len(values) else 1.0)
+        return unlike._Means(np.array([distance, *drawn])[:, None], ["it"], np.array([True]))
+
+    monkeypatch.setattr(unlike, "_Length", lambda *_: stub(means=means))
+    unlike.unlike([("it", stub())], stub(), BOX, np.full(1, 0.5), 1e-4 * np.eye(1), 0, True)
+    assert len(asked) == 1 + batches
+
+
+def test_what_one_trial_alone_says_counts_several_times() -> None:
+    """Slopes are as without the pull of the trial itself; of a value that no other trial knows, no more can
+    be said than that this is more than the slope that is left."""
+    trials = 8
+    second = np.zeros((trials, 2, 2))
+    second[:, 0, 0], second[0, 1, 1] = 1.0, 1.0
+    first = np.zeros((trials, 2))
+    first[:, 0], first[0, 1] = np.linspace(-0.3, 0.3, trials), 0.1
+    found, _ = certainty._unpulled(certainty.Minimum(np.full(2, 0.5), np.ones(trials), first, second))
+    pulled = first - first.mean(axis=0)
+    assert found[0, 0] / pulled[0, 0] == pytest.approx(np.sqrt(trials / (trials - 1.0)))
+    assert 2.0 < found[0, 1] / pulled[0, 1] < 10.0

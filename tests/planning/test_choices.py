@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -11,11 +12,11 @@ import pytest
 import rungwise as rw
 from rungwise.deadline import TimeOver
 from rungwise.planning.lift import lift
-from rungwise.planning.motion.budget import Budget
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.early_stops import Stops, best_stops
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import Places
-from rungwise.planning.search import push_effects, shooting, tree
+from rungwise.planning.search import improve, push_effects, search, shooting, tree
 from rungwise.world.planar.boundary import boundary
 
 N = 4000
@@ -122,6 +123,72 @@ def test_a_replay_that_confirms_takes_a_part_of_the_time_that_is_left() -> None:
     assert given == [pytest.approx(50.0, abs=1.0)]
     with pytest.raises(TimeOver):
         lift._is_confirmed(cast(Any, SimpleNamespace(budget=Budget(None, 1e-9))), plan)
+
+
+def test_a_repair_of_a_plan_that_is_not_confirmed_takes_a_fifth_of_what_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    budget, given = Budget(10_000), list[int | None]()
+
+    def repaired(work: Any, found: Any, *_stage: Any, **_options: Any) -> Any:
+        given.append(work.budget.most)
+        return found
+
+    monkeypatch.setattr(lift, "_is_confirmed", lambda *_: False)
+    monkeypatch.setattr(lift, "_take_stage", repaired)
+    monkeypatch.setattr(lift, "replace", lambda *_, **__: None)
+    stage = Stage(rw.KINEMATIC, 1e-3)
+    found = cast(Any, SimpleNamespace(found=True, stage=stage))
+    assert lift._confirmed(cast(Any, SimpleNamespace(budget=budget)), found, stage) is None
+    assert given == [pytest.approx(2000, rel=0.6)] and budget.most == 10_000
+
+
+TREE = SimpleNamespace(
+    lack=np.ones(1), q=np.zeros((1, 1)), least=lambda _: 1.0, ways=lambda *_: np.full((2, 1, 3), 0.5)
+)
+
+
+def _searched() -> Any:
+    """What searches share; all plans have a move of three numbers."""
+    moves = SimpleNamespace(size=3, periodic=np.zeros(3, bool))
+    task = SimpleNamespace(free=(), before=None)
+    budget = SimpleNamespace(left=True)
+    aim = SimpleNamespace(turned=lambda _moves, vectors: vectors, partial=True)
+    return SimpleNamespace(
+        moves=moves, task=task, budget=budget, aim=aim, whole=aim, rng=np.random.default_rng(0), start=None,
+        predictor=SimpleNamespace(budget=budget, stage=None), begun=SimpleNamespace(places=None, levels=None),
+        pushes=lambda _: SimpleNamespace(note=None),
+    )  # fmt: skip
+
+
+SEARCHES = {
+    "plans with a move less": lambda work: improve._shortened(work, work.predictor, np.full((2, 3), 0.5)),
+    "plans about a tree's ways": lambda work: list(
+        search._plans(work, work.predictor, work.begun, work.aim, 1)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_searches_about_plans_take_several_generations_and_no_more(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A goal that is near needs some of them, and one that is out of reach ends the search."""
+    runs = list[int]()
+
+    def run(lack: float, _moves: Any, _predictor: Any, _start: Any, vectors: Any, *_: Any) -> Any:
+        runs.append(len(vectors))
+        away = np.abs(vectors[:, 0] - [0.55, 0.42, 0.61]).max(axis=1)
+        return shooting.Trials(vectors, away, (away < lack).astype(int), places(away[:, None]), away)
+
+    monkeypatch.setattr(search, "grow", lambda *_: (TREE, []))
+    monkeypatch.setattr(search, "PLANNERS", ())
+    monkeypatch.setattr(search, "_steered", lambda *_: iter(()))
+    for lack, few, many in ((0.012, 2, 5), (0.0, 4, 12)):
+        runs.clear()
+        monkeypatch.setattr(shooting, "run_moves", partial(run, lack))
+        SEARCHES[name](_searched())
+        assert few <= len(runs) <= many, runs
 
 
 def test_places_on_a_boundary_are_evenly_apart_and_face_outward() -> None:

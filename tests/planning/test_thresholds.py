@@ -21,6 +21,7 @@ from rungwise.planning.design.optimise import Tuner
 from rungwise.planning.lift import repair
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
 from rungwise.planning.modes.forces.mode_motions import projected, turn
+from rungwise.planning.modes.tree import _at_speeds
 from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.joint_transit import SpaceTransit
 from rungwise.planning.motion.placements import Placing
@@ -120,6 +121,33 @@ def moves_aside(tilt: float) -> bool:
 )
 def test_modes_turn_between(holds: Callable[[float], bool], within: float, beyond: float) -> None:
     assert holds(within) and not holds(beyond)
+
+
+def test_a_finger_pushes_alone_in_a_fifth_of_the_draws() -> None:
+    """Where another one could push beside it."""
+    rng, alone = np.random.default_rng(0), 0
+    for _ in range(400):
+        own = np.ones(2, np.int64)
+        _at_speeds(own.copy(), np.zeros(2, np.int64), own, np.zeros(2, np.int64), rng)
+        alone += int(own.sum() == 1)
+    assert 40 < alone < 160
+
+
+@pytest.mark.parametrize(("off", "found"), [(0.0, True), (0.15, True), (0.4, False)])
+def test_a_search_about_a_design_of_another_rung_stays_near_it(off: float, found: bool) -> None:
+    """Of four numbers, each of which may be off by 0.15; far away, this search is none of its business."""
+    tuner: Any = object.__new__(Tuner)
+    tuner.box, tuner.names, tuner.quantiles, tuner.count = np.array([[0.0, 1.0]] * 4), "abcd", [0.0], 0
+    rounds = list[Reals]()
+
+    def tried(designs: Reals, _quantiles: Any = None) -> tuple[Reals, Reals]:
+        rounds.append(designs)
+        short = np.abs(designs - (0.5 + off)).max(axis=1) - 0.15
+        return (short <= 0.0).astype(float), np.zeros(len(designs))
+
+    tuner.tried = tried
+    rate = design._found(tuner, 0.02, 10_000, True, np.random.default_rng(0), np.full(4, 0.5))[3]
+    assert (rate > 0.0) == found and 0.05 < np.abs(rounds[0] - 0.5).std() < 0.2
 
 
 class _Line:

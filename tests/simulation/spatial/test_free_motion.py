@@ -5,10 +5,12 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.simulation.spatial.frames import Frame
+from rungwise.system.spatial.spins import Spins, turn_freely
 
 from .conftest import Make
 from .measure import FLOOR, NO_GRAVITY, Array, G, free, q, run, world
@@ -115,3 +117,18 @@ def test_a_tumbling_body_comes_to_the_same_end_as_in_finer_steps_to_first_order(
     ends = [q(run(scene, rw.DYNAMIC_COMPLIANT, step=h)) for h in (4e-3, 2e-3, 1e-3)]
     ratio = np.linalg.norm(ends[0] - ends[1]) / np.linalg.norm(ends[1] - ends[2])
     assert ratio == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_step_keeps_the_momentum_of_what_turns_by_a_third_of_a_radian() -> None:
+    """To rounding: the body turns by the speed that it has at the end of the step."""
+    I, h, w = np.diag(INERTIA), 0.1, np.array([1.0, -2.0, 1.5])
+    own = Spins(
+        np.zeros(1, np.int64), np.zeros(1, np.int64), np.ones(1), np.zeros((1, 3)), I[None],
+        np.linalg.inv(I)[None],
+    )  # fmt: skip
+    for times in (0.5, 1.2):
+        load, speed = np.zeros(6), times * w
+        turn_freely(own, np.eye(3).reshape(1, 9), np.concatenate([np.zeros(3), speed]), h, 1.0, load)
+        after = np.linalg.solve(I, I @ speed + h * (load[3:] - np.cross(speed, I @ speed)))
+        turned = Rotation.from_rotvec(h * after).apply(I @ after)
+        assert np.abs(turned - I @ speed).max() < 2e-15 * np.abs(I @ speed).max()
