@@ -88,9 +88,10 @@ def begins_elsewhere(scene: SpaceScene, fields: dict[str, Any], error: Any) -> N
     bound, names = scene.bind(), scene.template.coordinates
     places = fields.setdefault("start", {}).setdefault("places", {})
     roles, model = world_of(scene).roles(), bound.model
+    begun = model.qpos0 if scene.file.start.settle else bound.place
 
     def moved(k: int, of: str, most: float) -> None:
-        places[names[k]] = f"{places.get(names[k], bound.place[k])} + {error(of, most)}"
+        places[names[k]] = f"{places.get(names[k], begun[k])} + {error(of, most)}"
 
     for j in range(model.njnt):
         at, kind = int(model.jnt_qposadr[j]), int(model.jnt_type[j])
@@ -100,7 +101,7 @@ def begins_elsewhere(scene: SpaceScene, fields: dict[str, Any], error: Any) -> N
         elif roles[body] == OBJECT:
             moved(at, f"{body}_x", FAR)
             moved(at + 1, f"{body}_y", FAR)
-            angle = 2.0 * math.atan2(*bound.place[[at + 6, at + 3]])
+            angle = 2.0 * math.atan2(*begun[[at + 6, at + 3]])
             half = f"({angle} + {error(f'{body}_turn', TURNED)}) / 2"
             places |= {names[at + 3]: f"cos({half})", names[at + 6]: f"sin({half})"}
 
