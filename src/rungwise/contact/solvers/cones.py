@@ -20,6 +20,7 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.solvers.newton.condensed import solver as condensed_solver
 from rungwise.contact.solvers.newton.factors import SMALL, Factors, diagonal_factors, factors
+from rungwise.contact.solvers.space.path import until_outside
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -347,17 +348,5 @@ def _longest(z: Reals, dz: Reals, layout: Layout) -> float:
     least = math.inf
     for c in range(len(first)):
         i = first[c]
-        if dz[i] < 0.0:
-            least = min(least, -z[i] / dz[i])
-        a, half, left = dz[i] * dz[i], z[i] * dz[i], z[i] * z[i]
-        for j in range(i + 1, i + dim[c]):
-            a -= dz[j] * dz[j]
-            half -= z[j] * dz[j]
-            left -= z[j] * z[j]
-        left = max(left, 0.0)
-        inside = half * half - a * left
-        if dim[c] > 1 and inside >= 0.0 and (a < 0.0 or half < 0.0):
-            below = math.sqrt(inside) - half
-            if below > 0.0:
-                least = min(least, left / below)
+        least = min(least, until_outside(z[i], dz[i], z, dz, i + 1, i + dim[c]))
     return least

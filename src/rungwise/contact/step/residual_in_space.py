@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, worse
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, per, row_within, worse
 from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -47,20 +47,14 @@ def residual_where(problem: ContactProblem, sizes: Sizes, touched: Touched, unkn
         largest = _at_least(FLOOR * velocity, p, rows[r : r + count], own, largest)
     found = np.empty((3, n))
     worst = _balance(p, sizes, touched, unknowns, largest, found)  # (1) balance
-    # Where all velocities, or all forces, are zero, nothing is left to be measured.
-    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
-    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
-    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    per_velocity, per_rate, per_force = per(velocity), per(at_rest), per(largest)
     for k in range(contacts):
         at = k * d
         worst = worse(
             worst, _contact(p.mu[k], u[at : at + d], force[at : at + d], per_velocity, per_force)
         )  # (2), (3)
     for r in range(limited):
-        # (4) joints, (5) drives
-        x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
-        opens = s[r] * (per_velocity if math.isfinite(bound) else per_rate)
-        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s[r])
+        worst = worse(worst, row_within(tau[r], s[r], p.F[r], per_velocity, per_rate, per_force))  # (4), (5)
     return worst
 
 

@@ -53,21 +53,31 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
     for r in range(limited):
         largest = _at_least(FLOOR * velocity, p, p.S, r, 1, n, largest)
     worst = _balance(p, sizes, unknowns, largest)  # (1) balance
-    # Where all velocities, or all forces, are zero, nothing is left to be measured.
-    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
-    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
-    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    per_velocity, per_rate, per_force = per(velocity), per(at_rest), per(largest)
     for k in range(contacts):
         worst = worse(worst, _contact(p, k, n, unknowns, per_velocity, per_force))  # (2), (3)
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
             s += p.S[r, i] * v[i]
-        # (4) joints, (5) drives
-        x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
-        opens = s * (per_velocity if math.isfinite(bound) else per_rate)
-        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s)
+        worst = worse(worst, row_within(tau[r], s, p.F[r], per_velocity, per_rate, per_force))  # (4), (5)
     return worst
+
+
+@inner_kernel
+def per(most: float) -> float:
+    """One over the greatest term of a kind. Where all are zero, nothing is left to be measured."""
+    return 1.0 / most if most > 0.0 else 0.0
+
+
+@inner_kernel
+def row_within(
+    x: float, s: float, limit: float, per_velocity: float, per_rate: float, per_force: float
+) -> float:
+    """Violation of (4) a joint or (5) a drive, whose row has the force x, the rate s and the limit."""
+    x, bound = x * per_force, limit * per_force if per_force > 0.0 else math.inf
+    opens = s * (per_velocity if math.isfinite(bound) else per_rate)
+    return abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s
 
 
 @kernel

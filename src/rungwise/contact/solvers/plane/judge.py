@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.contact.solvers.plane.part import Part
 from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import WEDGED
-from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, worse
+from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING, imbalance, per, row_within, worse
 from rungwise.kernel import Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 
 
@@ -50,18 +50,14 @@ def residual_of(part: Part, unknowns: Unknowns) -> float:
         largest = _at_least(FLOOR * velocity, part, g, largest)
     room = np.zeros((3, n))
     worst = _balance(part, unknowns, largest, room[0], room[1], room[2])
-    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
-    per_rate = 1.0 / at_rest if at_rest > 0.0 else 0.0
-    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    per_velocity, per_rate, per_force = per(velocity), per(at_rest), per(largest)
     for k in range(contacts):
         worst = worse(worst, _contact(part, k, unknowns, per_velocity, per_force))
     for r in range(limited):
         s = part.R_s[r] * tau[r] + part.w_s[r]
         for e in range(part.first[contacts + r], part.first[contacts + r + 1]):
             s += part.normal[e] * v[part.column[e]]
-        x, bound = tau[r] * per_force, part.F[r] * per_force if per_force > 0.0 else math.inf
-        opens = s * (per_velocity if math.isfinite(bound) else per_rate)
-        worst = worse(worst, abs(x - min(max(x - opens, -bound), bound)) + 0.0 * s)
+        worst = worse(worst, row_within(tau[r], s, part.F[r], per_velocity, per_rate, per_force))
     return worst
 
 

@@ -301,8 +301,8 @@ def _longest(island: Island, x: Reals, duals: Duals, steps: Steps) -> float:
         if mu < 0.0 and end - row > 1:
             if limit > 0.0:
                 axis, rise = duals.other[row], duals.toward[row]
-                least = min(least, _leave(limit, 0.0, x, steps.dx, row, end))
-                least = min(least, _leave(axis, rise, duals.w, duals.aim, row, end))
+                least = min(least, until_outside(limit, 0.0, x, steps.dx, row, end))
+                least = min(least, until_outside(axis, rise, duals.w, duals.aim, row, end))
             continue
         if mu < 0.0:
             if 0.0 < limit < math.inf:
@@ -312,8 +312,8 @@ def _longest(island: Island, x: Reals, duals: Duals, steps: Steps) -> float:
                 least = min(least, _reach(duals.other[row], duals.toward[row]))
             continue
         scale = mu if end - row > 1 else 1.0
-        least = min(least, _leave(scale * x[row], scale * steps.dx[row], x, steps.dx, row + 1, end))
-        least = min(least, _leave(duals.w[row], duals.aim[row], duals.w, duals.aim, row + 1, end))
+        least = min(least, until_outside(scale * x[row], scale * steps.dx[row], x, steps.dx, row + 1, end))
+        least = min(least, until_outside(duals.w[row], duals.aim[row], duals.w, duals.aim, row + 1, end))
     return least
 
 
@@ -323,7 +323,7 @@ def _reach(z: float, dz: float) -> float:
 
 
 @inner_kernel
-def _leave(top: float, rise: float, z: Reals, dz: Reals, first: int, end: int) -> float:
+def until_outside(top: float, rise: float, z: Reals, dz: Reals, first: int, end: int) -> float:
     """The step at which a point leaves the cone, with `top` along its axis, which has the rate `rise`, and
     the rows from first to end of z across."""
     least = _reach(top, rise)
