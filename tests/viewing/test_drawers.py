@@ -56,7 +56,7 @@ def test_what_a_world_does_not_have_is_refused(
     spatial: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(
-        DRAWERS, spatial.scene.world, replace(DRAWERS[spatial.scene.world], png=None, gif=None)
+        DRAWERS, spatial.scene.world, replace(DRAWERS[spatial.scene.world], strip=None, gif=None)
     )
     for kind in ("png", "gif"):
         with pytest.raises(rw.ViewError, match="runs in space go to html only"):
@@ -69,6 +69,13 @@ def test_saved_runs_are_drawn_as_they_were(planar: rw.Run, spatial: Any, tmp_pat
         run.save(tmp_path / name)
         again = rw.view(tmp_path / name, html=tmp_path / f"{name}.html")[0].read_text("utf-8")
         assert again == rw.view(run, html=tmp_path / "run.html")[0].read_text("utf-8")
+
+
+def test_runs_show_themselves_in_every_world(planar: rw.Run, spatial: Any) -> None:
+    for run, kind in ((planar, "plane"), (spatial, "space")):
+        shown = run._repr_html_()
+        assert shown.startswith("<table>") and f"main class=&quot;{kind}&quot;" in shown
+        assert len(run.plot(frames=2).axes) == 2
 
 
 def test_plans_show_the_page_of_their_world(planar: rw.Run, spatial: Any) -> None:

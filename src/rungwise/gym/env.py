@@ -12,17 +12,15 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from rungwise.gym.episodes import Episodes
-from rungwise.gym.picture import Camera, NoCamera
 from rungwise.gym.settings import GymError, Options, Settings, read_settings
-from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
-from rungwise.world.contract import OTHER_SHAPES, SOLIDS
-from rungwise.world.find import world_of
+from rungwise.viewing.drawers import DRAWERS, Camera
+from rungwise.viewing.write import ViewError
 
 RENDER_MODES = ("rgb_array",)
 ROW = np.zeros(1, np.int64)
@@ -71,7 +69,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._episodes = Episodes(self.settings, 1)
         self.observation_space = self._episodes.observed.space
         self.action_space = self._episodes.action_space
-        self._camera = camera_of(self.settings, self.render_mode)
+        self._camera = None if self.render_mode is None else camera_of(self.settings)
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
 
@@ -81,7 +79,8 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         """Begin an episode; options: "state" (a `rungwise.State`) and "parameters" (values by name)."""
         super().reset(seed=seed)
         self._episodes.begin(0, self.np_random, options)
-        self._camera.begin()
+        if self._camera is not None:
+            self._camera.begin()
         return self._episodes.observe()[0], self._episodes.info(0)
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
@@ -96,13 +95,12 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """The bodies now (height, width, 3), in the plane with contact forces; None without a render mode."""
-        if self.render_mode is None:
-            return None
-        return self._camera.picture(self.parameters, self.state)
+        return None if self._camera is None else pictured(self._camera, self.parameters, self.state)
 
     def close(self) -> None:
         """Give back what pictures hold."""
-        self._camera.close()
+        if self._camera is not None:
+            self._camera.close()
 
     @property
     def observation_names(self) -> tuple[str, ...]:
@@ -134,15 +132,20 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return self._episodes.replay(0)
 
 
-def camera_of(settings: Settings, render_mode: str | None) -> Camera | SpaceCamera | NoCamera:
-    """What draws episodes. Raises GymError where pictures are asked for of what nothing draws."""
-    scene: Any = settings.scene
-    shapes = world_of(scene).shapes
-    if shapes == OTHER_SHAPES and render_mode is not None:
-        raise GymError(f"render_mode: nothing draws the bodies of {scene.name}; valid: null")
-    if shapes == OTHER_SHAPES:
-        return NoCamera()
-    return SpaceCamera(scene) if shapes == SOLIDS else Camera(scene, settings.model)
+def camera_of(settings: Settings) -> Camera:
+    """What draws episodes. Raises GymError where nothing does."""
+    drawer = DRAWERS.get(settings.scene.world)
+    if drawer is None or drawer.camera is None:
+        raise GymError(f"render_mode: nothing draws the bodies of {settings.scene.name}; valid: null")
+    return drawer.camera(settings.scene, settings.model)
+
+
+def pictured(camera: Camera, parameters: dict[str, float], state: State) -> NDArray[np.uint8]:
+    """Pixels (height, width, 3). Raises GymError where something that draws is missing."""
+    try:
+        return camera.picture(parameters, state)
+    except ViewError as error:
+        raise GymError(str(error)) from None
 
 
 def checked_render_mode(mode: object) -> str | None:

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rungwise.gym.env import RENDER_MODES, camera_of, checked_actions, checked_render_mode
+from rungwise.gym.env import RENDER_MODES, camera_of, checked_actions, checked_render_mode, pictured
 from rungwise.gym.episodes import Episodes
 from rungwise.gym.settings import GymError, Options, read_settings
 from rungwise.kernel import Ints
@@ -61,7 +61,8 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._cameras = [camera_of(self.settings, self.render_mode) for _ in range(self.num_envs)]
+        cameras = 0 if self.render_mode is None else self.num_envs
+        self._cameras = [camera_of(self.settings) for _ in range(cameras)]
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -105,7 +106,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         if self.render_mode is None:
             return None
         return tuple(
-            camera.picture(self._episodes.parameters(row), self._episodes.state(row))
+            pictured(camera, self._episodes.parameters(row), self._episodes.state(row))
             for row, camera in enumerate(self._cameras)
         )
 
@@ -130,7 +131,8 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             if generator is None:
                 raise gymnasium.error.ResetNeeded("call reset before step")
             self._episodes.begin(row, generator, options)
-            self._cameras[row].begin()
+            if self._cameras:
+                self._cameras[row].begin()
 
     def _infos(self, rows: Ints) -> dict[str, Any]:
         """What each of these environments tells, as Gymnasium joins it."""

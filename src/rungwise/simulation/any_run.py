@@ -23,6 +23,7 @@ from rungwise.simulation.trajectory import save
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
     import rungwise
 
@@ -91,6 +92,18 @@ class AnyRun:
     def __repr__(self) -> str:
         told = f"{self.outcome} at t = {self.time:.6g}, {self.steps} steps"
         return run_of(self, f"{told}, worst residual {self.worst_residual:.1e}")
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        return rungwise.to_html(self)
+
+    @keywords
+    def plot(self, frames: int = 6) -> Figure:
+        """Picture of so many frames, from the first to the last (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self, frames=frames)
 
     def check_begun(self) -> None:
         """Raise ValueError for a run that never began."""

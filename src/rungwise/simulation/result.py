@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals
-from rungwise.keywords import keywords
 from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
@@ -22,7 +21,6 @@ from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
     from rungwise.simulation.reasons.hard_steps import HardSteps
 
@@ -46,18 +44,6 @@ class Run(AnyRun):
     @property
     def began(self) -> bool:
         return self.workspace is not None
-
-    def _repr_html_(self) -> str:
-        import rungwise
-
-        return rungwise.to_html(self)
-
-    @keywords
-    def plot(self, frames: int = 6) -> Figure:
-        """Picture of so many frames, from the first to the last (see `rungwise.plot`)."""
-        import rungwise
-
-        return rungwise.plot(self, frames=frames)
 
     @property
     def final(self) -> dict[str, dict[str, float]]:

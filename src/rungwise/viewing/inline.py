@@ -19,7 +19,6 @@ from rungwise.scene.fields.values import shown
 from rungwise.sets.doomed.doomed import DoomedSet
 from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.simulation.any_run import AnyRun
-from rungwise.simulation.result import Run
 from rungwise.viewing.designs import design_bars
 from rungwise.viewing.drawers import DRAWERS
 from rungwise.viewing.sets.slices import doomed_slices, feasible_slices
@@ -78,14 +77,14 @@ def _strip(run: AnyRun, frames: int) -> Figure:
 
 
 @keywords
-def to_html(result: Run | Plan | FeasibleSet | DoomedSet, *, limit: float | None = None) -> str:
+def to_html(result: AnyRun | Plan | FeasibleSet | DoomedSet, *, limit: float | None = None) -> str:
     """A fragment of HTML: a small table of a `result`, and below it the animation of a run or the slices of a
     set. `limit` as for `plot`.
 
     Raises PictureError for anything else."""
     limit = seconds(limit)
-    if isinstance(result, Run):
-        return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
+    if isinstance(result, AnyRun):
+        return _table_of_run(result) + (_animation(result) if result.began else "")
     if isinstance(result, Plan):
         run = result.replay(limit=limit) if result.found else None
         return _table_of_plan(result) + ("" if run is None else _animation(run))
@@ -94,7 +93,7 @@ def to_html(result: Run | Plan | FeasibleSet | DoomedSet, *, limit: float | None
     return _table_of_set(result) + ("" if find_spec("matplotlib") is None else _picture(plot(result)))
 
 
-def _table_of_run(run: Run) -> str:
+def _table_of_run(run: AnyRun) -> str:
     final = [(f"{body}.{name}", f"{x:.6g}") for body, many in run.final.items() for name, x in many.items()]
     rows = [
         ("outcome", str(run.outcome)),

@@ -75,7 +75,7 @@ def view(
         drawer = _drawer(sources)
     except SceneError as error:
         raise ViewError(f"view: {error}") from None
-    if (png is not None and drawer.png is None) or (gif is not None and drawer.gif is None):
+    if (png is not None and drawer.strip is None) or (gif is not None and drawer.gif is None):
         raise ViewError(f"view: {drawer.runs} go to html only")
     try:
         clips = [drawer.clip(source) for source in sources]
@@ -89,9 +89,9 @@ def view(
     if html is not None:
         text = drawer.page(clips, LARGEST)
         made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
-    if png is not None and (to_png := drawer.png) is not None:
+    if png is not None and (strip := drawer.strip) is not None:
         needs_matplotlib("png")
-        made.append(("png", png, lambda file: to_png(clips, file, frames, at)))
+        made.append(("png", png, lambda file: strip(clips, frames, at).savefig(file, format="png")))
     if gif is not None and (to_gif := drawer.gif) is not None:
         needs_matplotlib("gif")
         made.append(("gif", gif, lambda file: to_gif(clips, file)))

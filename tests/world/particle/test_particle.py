@@ -197,7 +197,6 @@ NOT_POSSIBLE: dict[str, Callable[[rw.Plan, Path], object]] = {
     "view a run": lambda plan, out: rw.view(plan.replay(), html=out / "a.html"),
     "view a folder": lambda plan, out: rw.view(plan.replay().save(out / "run"), html=out / "a.html"),
     "plot": lambda plan, _: rw.plot(plan),
-    "to_html": lambda plan, _: rw.to_html(plan.replay()),
     "touching": lambda plan, _: rw.touching(plan.replay(), "puck"),
     "replay": lambda plan, _: rw.replay(plan.replay()),
     "derivatives": lambda plan, _: rw.run_sensitivity(
@@ -207,6 +206,11 @@ NOT_POSSIBLE: dict[str, Callable[[rw.Plan, Path], object]] = {
     "motion": lambda plan, _: rw.simulate(plan.scene, rw.KINEMATIC, motion={"puck.x": 1.0}),
     "transit": lambda plan, _: led_through_free_space(plan.scene),
 }  # fmt: skip
+
+
+def test_a_notebook_shows_its_runs_as_a_table(plan: rw.Plan) -> None:
+    text = plan.replay()._repr_html_()
+    assert text.startswith("<table>") and "puck.x" in text and "iframe" not in text
 
 
 @pytest.mark.parametrize("what", NOT_POSSIBLE)

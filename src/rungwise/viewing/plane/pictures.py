@@ -38,29 +38,46 @@ def _models(clips: Sequence[Clip]) -> list[Line2D | Patch]:
 
 
 def _marks(clips: Sequence[Clip]) -> list[Line2D | Patch]:
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], marker=marker, mfc=face, mec=rim, ls="none", label=f"contact {word}")
-        for marker, face, rim, word in MARKS.values()
-    ]
+    handles: list[Line2D | Patch] = [*of_modes()]
     roles = dict.fromkeys(role for clip in clips for role in clip.roles)
     handles += [Patch(fc=ROLES[role], ec=INK, label=role) for role in roles]
     if clips[0].wanted:
-        handles.append(Line2D([], [], color=GOAL, ls=GOAL_LINE, lw=1.6, label="pose that the goal wants"))
+        handles.append(of_goal())
     return handles
+
+
+def of_modes() -> list[Line2D]:
+    """Entries of the legend: the modes of contact points."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], marker=marker, mfc=face, mec=rim, ls="none", label=f"contact {word}")
+        for marker, face, rim, word in MARKS.values()
+    ]
+
+
+def of_goal() -> Line2D:
+    """Entry of the legend: the outline of a pose that the goal wants."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=GOAL, ls=GOAL_LINE, lw=1.6, label="pose that the goal wants")
+
+
+def of_force(words: str) -> Line2D:
+    """Entry of the legend: an arrow."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=INK, marker=r"$\rightarrow$", ms=16, ls="none", label=words)
 
 
 def _scale(clips: Sequence[Clip], view: View) -> list[Line2D | Patch]:
     """The force of the longest arrow, where there are any."""
-    from matplotlib.lines import Line2D
-
     if not any(clip.touches.force.any() for clip in clips):
         return []
     most = f"{short(view.longest / view.per_force)} {clips[0].units['force']}".rstrip()
-    words = f"force, broken beyond {most}"
-    return [Line2D([], [], color=INK, marker=r"$\rightarrow$", ms=16, ls="none", label=words)]
+    return [of_force(f"force, broken beyond {most}")]
 
 
 def strip(clips: Sequence[Clip], count: int = 6, at: float | None = None, view: View | None = None) -> Figure:
@@ -91,11 +108,6 @@ def _ticks(axes: Axes, unit: str, first: bool, last: bool) -> None:
         axes.set_xlabel(f"x [{unit}]" if unit else "x", fontsize=SMALL, labelpad=1)
     if first:
         axes.set_ylabel(f"y [{unit}]" if unit else "y", fontsize=SMALL, labelpad=3)
-
-
-def save_png(clips: Sequence[Clip], file: File, count: int = 6, at: float | None = None) -> None:
-    """Write `strip` as PNG."""
-    strip(clips, count, at).savefig(file, format="png")
 
 
 def save_gif(clips: Sequence[Clip], file: File, count: int = 60, seconds: float = 5.0) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.viewing.plane.arrows import ARROW, LONGEST, MARKS, SHORTEST
-from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE, INK
+from rungwise.viewing.plane.draw_frame import GOAL, GOAL_LINE
+from rungwise.viewing.plane.pictures import of_force, of_goal, of_modes
 from rungwise.viewing.sheet import Look, save_moving, sheet, times_of
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import OPEN, Film
@@ -93,11 +94,6 @@ def strip(
 def _no_ticks(axes: Axes, *_: bool) -> None:
     """Along axes that are seen from a slant, ticks say little; the cells of the floor give the scale."""
     axes.set(xticks=[], yticks=[])
-
-
-def save_png(films: Sequence[Film], file: File, count: int = 6, at: float | None = None) -> None:
-    """Write `strip` as PNG."""
-    strip(films, count, at).savefig(file, format="png")
 
 
 def save_gif(films: Sequence[Film], file: File, count: int = 40, seconds: float = 5.0) -> None:
@@ -223,16 +219,12 @@ def _marks(films: Sequence[Film], sight: Sight) -> list[Any]:
 
     handles = []
     if any(len(film.touches.frame) for film in films):
-        handles += [
-            Line2D([], [], marker=marker, mfc=face, mec=rim, ls="none", label=f"contact {word}")
-            for marker, face, rim, word in MARKS.values()
-        ]
+        handles += of_modes()
     if any(film.touches.force.any() for film in films):
         most = f"{sight.longest / sight.per_force:.3g} {films[0].units.get('force', '')}".rstrip()
-        words = f"force, cut off beyond {most}"
-        handles.append(Line2D([], [], color=INK, marker=r"$\rightarrow$", ms=16, ls="none", label=words))
+        handles.append(of_force(f"force, cut off beyond {most}"))
     if any(film.wanted for film in films):
-        handles.append(Line2D([], [], color=GOAL, ls=GOAL_LINE, lw=1.6, label="pose that the goal wants"))
+        handles.append(of_goal())
     if any(solid.kind == "plane" for film in films for solid in film.solids):
         side = f"{_round(sight.side / CELLS):.3g} {films[0].units.get('length', '')}".rstrip()
         handles.append(

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.gym.settings import GymError
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.simulation.state import State
 from rungwise.viewing.plane.arrows import View, view_of
 from rungwise.viewing.plane.clip import still
 from rungwise.viewing.plane.draw_frame import draw_frame
+from rungwise.viewing.write import needs_matplotlib
 
 PIXELS, INCHES = 480, 4.8
 """Height and width of a picture; at this size its lines are as thick as in the package's other pictures."""
@@ -35,9 +34,8 @@ class Camera:
         """Nothing is held."""
 
     def picture(self, parameters: Mapping[str, float], state: State) -> NDArray[np.uint8]:
-        """Pixels (height, width, 3). Raises GymError where matplotlib is missing."""
-        if find_spec("matplotlib") is None:
-            raise GymError("render_mode: needs matplotlib (pip install 'rungwise[view]')")
+        """Pixels (height, width, 3). Raises ViewError where matplotlib is missing."""
+        needs_matplotlib("render_mode")
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
@@ -48,20 +46,6 @@ class Camera:
         draw_frame(figure.add_axes((0.0, 0.0, 1.0, 1.0)), [clip], state.time, self._view)
         canvas.draw()  # type: ignore[no-untyped-call]
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
-
-
-class NoCamera:
-    """Draws nothing, for scenes whose bodies only their world knows."""
-
-    def begin(self) -> None:
-        """Nothing of an episode is kept."""
-
-    def close(self) -> None:
-        """Nothing is held."""
-
-    def picture(self, _parameters: Mapping[str, float], state: State) -> NDArray[np.uint8]:
-        """Raises GymError."""
-        raise GymError(f"render_mode: nothing draws bodies with the coordinates {', '.join(state.names[:9])}")
 
 
 def _joined(before: View | None, now: View) -> View:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.gym.settings import GymError
+from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.state import State
 from rungwise.viewing.space.model_solids import colours_of
+from rungwise.viewing.write import ViewError
 
 if TYPE_CHECKING:
     import mujoco
@@ -32,16 +33,16 @@ class _Stage(NamedTuple):
     renderer: mujoco.Renderer
 
 
-class SpaceCamera:
+class Camera:
     """Draws states from where MuJoCo's viewer looks at first. It keeps one renderer, which copies of it do
     without until they draw."""
 
-    def __init__(self, scene: SpaceScene) -> None:
+    def __init__(self, scene: SpaceScene, _model: Rung | None) -> None:
         self._scene = scene
         self._stage: _Stage | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return SpaceCamera, (self._scene,)
+        return Camera, (self._scene, None)
 
     def begin(self) -> None:
         """Nothing of an episode is kept."""
@@ -53,7 +54,7 @@ class SpaceCamera:
             self._stage = None
 
     def picture(self, parameters: Mapping[str, float], state: State) -> NDArray[np.uint8]:
-        """Pixels (height, width, 3). Raises GymError where MuJoCo gets no OpenGL context."""
+        """Pixels (height, width, 3). Raises ViewError where MuJoCo gets no OpenGL context."""
         import mujoco
 
         if self._stage is None or self._stage.parameters != parameters:
@@ -83,7 +84,7 @@ def _staged(scene: SpaceScene, parameters: dict[str, float]) -> _Stage:
             renderer = mujoco.Renderer(model, PIXELS, PIXELS)
     except Exception as error:  # each of MuJoCo's three ways to OpenGL fails in its own way
         why = str(error).partition("\n")[0][:200]
-        raise GymError(
+        raise ViewError(
             f"render_mode: MuJoCo gets no OpenGL context ({why}); without a display set the environment"
             " variable MUJOCO_GL to egl or osmesa before Python starts"
         ) from None
