@@ -123,15 +123,21 @@ class MovingSimulation(Turns, Kind):
 
     def _advanced(self, stepper: Stepper) -> None:
         """One turn. Raises TimeOver."""
+        over = time.perf_counter() + TURN_S
+        self._take_while(stepper, lambda: time.perf_counter() < over)
+        if self.outcome == Code.RUNNING:
+            self.deadline.look()
+
+    def _take_while(self, stepper: Stepper, goes_on: Callable[[], bool]) -> None:
+        """Take steps while the run goes on, and this does. Raises TimeOver."""
         began = time.perf_counter()
         try:
             with self.running(stepper):
-                while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
+                while self.outcome == Code.RUNNING and goes_on():
+                    self.deadline.look()
                     self.take()
         finally:
             self.wall_s += time.perf_counter() - began
-        if self.outcome == Code.RUNNING:
-            self.deadline.look()
 
     def running(self, stepper: Stepper) -> Running:
         """Within the context steps raise TimeOver where the deadline has come."""
@@ -292,14 +298,7 @@ class MovingSimulation(Turns, Kind):
 
     def _through(self) -> None:
         assert self.stepper is not None
-        began = time.perf_counter()
-        try:
-            with self.running(self.stepper):
-                while self.outcome == Code.RUNNING and self.segment < len(self._segments):
-                    self.deadline.look()
-                    self.take()
-        finally:
-            self.wall_s += time.perf_counter() - began
+        self._take_while(self.stepper, lambda: self.segment < len(self._segments))
 
     @property
     def steps(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -43,7 +42,7 @@ def matched(
         ratios.append(ratio)
         contacts.append(_contact(pair, float(record["friction"]), k, give) | written(record))
     bodies, turning, told = _turning(scene, records)
-    file: dict[str, Any] = json.loads(scene.file.model_dump_json(exclude_unset=True))
+    file = scene.file.model_dump(mode="json", exclude_unset=True)
     file.pop("task", None)
     for name in bodies:
         file["bodies"][name]["inertia"] = TURN.format(name)
@@ -69,10 +68,7 @@ def _masses(
     """The mass that each contact feels along its normal without friction, where it first closes in the rigid
     dynamic run; contacts that never do are left out."""
     found: dict[int, float] = {}
-    file = json.loads(scene.file.model_dump_json(exclude_unset=True))
-    for name in CONDITIONS:
-        file.pop(name, None)
-    bare = load(file)
+    bare = scene.changed(**dict.fromkeys(CONDITIONS))
     for k, (a, b) in enumerate(scene.template.contacts):
         until = Segment({}, duration, f"gap({a}, {b}) <= tolerance")
         run = _run(bare, deadline, parameters=parameters, inputs=[until])

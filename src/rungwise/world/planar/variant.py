@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -66,9 +65,7 @@ class PlanarVariant(Variant):
 
     def resolved(self, friction: Self, support: Self, give: Self, bounce: Self) -> Scene:
         """The scene without conditions, with numbers of contacts and supports from these variants."""
-        file: dict[str, Any] = json.loads(self.scene.file.model_dump_json(exclude_unset=True))
-        for name in CONDITIONS:
-            file.pop(name, None)
+        file = self.scene.file.model_dump(mode="json", exclude_unset=True, exclude=set(CONDITIONS))
         slips, gives = friction.records.contacts, give.records.contacts
         own, rebounds = self.records.contacts, bounce.records.contacts
         bounces = rebounds["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))

@@ -68,8 +68,7 @@ def _balance(parting: Parting) -> dict[str, Any]:
 
 def _modes(motion: Motion, times: Reals) -> dict[str, NDArray[np.int8]]:
     """Modes (m,) of each pair in the steps that hold these times."""
-    rows = np.searchsorted(motion.times, times).clip(0, len(motion.times) - 1)
-    values = np.asarray(motion.data["mode"].values)[rows]
+    values = motion.modes(times)
     return {str(pair): values[:, k] for k, pair in enumerate(motion.data.pair.values)}
 
 
