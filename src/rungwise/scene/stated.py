@@ -23,6 +23,7 @@ from rungwise.scene.fields.stated import Stated
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.language.expression import SLOTS, STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import OF_CONTACTS, Names
+from rungwise.scene.language.poses import NUMBERS
 from rungwise.scene.language.units import Conversion
 from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain
 from rungwise.scene.template.task import check_fingers, check_task
@@ -44,8 +45,8 @@ def read_fields(fields: type[Fields], data: object) -> Fields:
 @dataclass(frozen=True)
 class NameTemplate:
     """What expressions, schedules and states speak of: names of parameters, inputs, bodies, coordinates
-    (n_q,), velocities (n_v,), pairs of bodies that may touch, the first coordinate of each quaternion, and
-    which parameters are converted where they are read."""
+    (n_q,), velocities (n_v,), pairs of bodies that may touch, the first coordinate of each quaternion,
+    which parameters are converted where they are read, and the bodies whose poses can be read."""
 
     parameters: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -55,18 +56,21 @@ class NameTemplate:
     contacts: tuple[tuple[str, str], ...]
     turns: tuple[int, ...] = ()
     units: Mapping[str, Conversion] = field(default_factory=dict)
+    posed: tuple[str, ...] = ()
 
     def names(self) -> Names:
         """The names that expressions may use."""
         return Names(
-            self.parameters, self.coordinates, self.contacts, self.velocities, self.bodies, self.units
-        )
+            self.parameters, self.coordinates, self.contacts, self.velocities, self.bodies, self.units,
+            self.posed,
+        )  # fmt: skip
 
     @property
     def value_count(self) -> int:
-        """Numbers that programs read: parameters, t, q, v, gaps, forces and impulses, times since when parts
-        of conditions have held, ways of bodies in a nominal step, tolerance (see `Template`)."""
-        moving = len(self.coordinates) + len(self.velocities) + len(OF_CONTACTS) * len(self.contacts)
+        """Numbers that programs read: parameters, t, q, v, poses, gaps, forces and impulses, times since
+        when parts of conditions have held, ways of bodies in a nominal step, tolerance (see `Template`)."""
+        moving = len(self.coordinates) + len(self.velocities) + NUMBERS * len(self.posed)
+        moving += len(OF_CONTACTS) * len(self.contacts)
         return len(self.parameters) + 2 + moving + SLOTS + len(self.bodies)
 
 

@@ -24,6 +24,7 @@ from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
+from rungwise.planning.modes.reach.planner import reach_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.plan import HELD, NOTHING, Plan, Record
@@ -118,7 +119,7 @@ def plan(
     work = begin(task, Budget(budget, limit), seed, threads)
     tell = on_progress or _silent
     found = Plan(loaded, task.parameters, seed=seed, version=installed(), reason="nothing was tried")
-    why = nowhere(work)
+    why = nowhere(work, apart=reach_in(work) is None)
     if why:
         return replace(found, reason=why)
     if initial is not None:

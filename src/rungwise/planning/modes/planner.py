@@ -15,7 +15,7 @@ from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
-from rungwise.planning.modes.hands.hand import Hand
+from rungwise.planning.modes.reach.planner import by_reach, reach_in
 from rungwise.planning.modes.tree import Leg, far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
@@ -88,10 +88,17 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
     """A new plan on a stage: by contact modes and by pushes that are tried, in turns; by pushes first where
     supports carry all objects, unless it names fingers on servos, or there is a path to follow; these take
     less of the time where something is in the straight way of an object, and least at first."""
+    arm = reach_in(work)
+    if arm is not None:
+        return _in_turns(work, predictor, lambda: by_reach(work, predictor, arm))
     planner = mode_planner(work, predictor)
     if planner is None:
         hand = hand_in(work)
-        return search(work, predictor) if hand is None else _in_hand(work, predictor, hand)
+        return (
+            search(work, predictor)
+            if hand is None
+            else _in_turns(work, predictor, lambda: by_hand(work, predictor, hand))
+        )
     idle, slides = 0, not work.named.task.is_led and not len(work.path)
     share = EVENLY if slides and not planner.is_barred else BY_MODES
     others = share if share == EVENLY else AT_FIRST if slides else 1.0 - share
@@ -111,15 +118,14 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
     return None
 
 
-def _in_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
-    """A new plan by cycles of a hand, and by searches of all inputs, in turns."""
+def _in_turns(work: Work, predictor: Predictor, own: Callable[[], Found | None]) -> Found | None:
+    """A new plan by a search of its own, and by searches of all inputs, in turns."""
     while work.budget.left:
         runs = work.budget.outcomes.total()
         for share in (BY_MODES, 1.0 - BY_MODES):
             try:
                 with work.budget.part(share):
-                    gaits = share == BY_MODES
-                    found = by_hand(work, predictor, hand) if gaits else search_once(work, predictor)
+                    found = own() if share == BY_MODES else search_once(work, predictor)
             except TimeOver:
                 found = None
             if found is not None:

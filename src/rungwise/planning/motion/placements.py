@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.planning.motion.free_paths import CHECKS, always, cut_short, grown
 from rungwise.planning.task.task import Task
 from rungwise.scene.contract import AnyScene
@@ -118,12 +118,18 @@ class Placing:
     """Places and ways of all bodies of a scene at one instance of its task."""
 
     def __init__(
-        self, task: Task, scene: AnyScene, q: Reals, without: str = "", yields: bool = False
-    ) -> None:
+        self, task: Task, scene: AnyScene, q: Reals, without: str = "", yields: bool = False,
+        loose: Ints | None = None,
+    ) -> None:  # fmt: skip
         """From the place q (n_q,) on, as if the body `without` were not there; with `yields`, bodies may
-        overlap as far as on compliant rungs. `scene` states the goal: the task's own, or the one with a
+        overlap as far as on compliant rungs. Only the velocities `loose` (k,) may change, where they are
+        given. `scene` states the goal: the task's own, or the one with a
         reserve."""
         self.room = room = world_of(scene).configurations(task.parameters, task.size, without)
+        if loose is not None:
+            held = np.ones(len(room.unit), bool)
+            held[loose] = False
+            room.unit[held] = 0.0
         self._q, self._task = q, task
         goal = placed_part(scene.file.goal or "")
         self._goal = None if goal is None else Question(scene, goal, task.parameters)
@@ -187,12 +193,14 @@ class Placing:
     def _slopes(self, x: Reals, lacks: Reals, apart: bool) -> Reals:
         """How what is lacking (m, p) changes at places (m, n) along each coordinate, in units of the size:
         (m, p, n)."""
-        m, n = len(x), len(self.room.unit)
+        loose = np.flatnonzero(self.room.unit)
+        m, n = len(x), len(loose)
         length = np.clip(DIFFERENCE * lacks.sum(axis=1), FINEST, DIFFERENCE)
-        rows = self.room.changed(x[:, None], length[:, None, None] * np.diag(self.room.unit))
+        rows = self.room.changed(x[:, None], length[:, None, None] * np.diag(self.room.unit)[loose])
         there = self._lacks(rows.reshape(m * n, -1), apart).reshape(m, n, -1)
+        slopes = np.zeros((m, len(self.room.unit), lacks.shape[1]))
         with np.errstate(invalid="ignore"):
-            slopes = (there - lacks[:, None]) / length[:, None, None]
+            slopes[:, loose] = (there - lacks[:, None]) / length[:, None, None]
         return np.swapaxes(np.where(np.isfinite(slopes), slopes, 0.0), 1, 2)
 
     def lacking(self, q: Reals) -> str:

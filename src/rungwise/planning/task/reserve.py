@@ -6,6 +6,7 @@ import ast
 
 from rungwise.scene.language.lasting import FOR, lasting_of, parsed, written
 from rungwise.scene.language.names import OF_CONTACTS
+from rungwise.scene.language.poses import OF_POSES
 
 
 def tightened(condition: str, reserve: float) -> str:
@@ -54,4 +55,4 @@ def _varies(node: ast.expr) -> bool:
     """Whether an expression depends on the state: it names a coordinate, a function of bodies, or t."""
     names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
     dotted = any(isinstance(each, ast.Attribute) for each in ast.walk(node))
-    return dotted or bool(names & {"t", "speed", *OF_CONTACTS})
+    return dotted or bool(names & {"t", "speed", *OF_CONTACTS, *OF_POSES})

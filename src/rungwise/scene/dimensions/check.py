@@ -13,6 +13,7 @@ from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.fields import Free, Hinge, SceneFile
 from rungwise.scene.fields.stated import Stated
 from rungwise.scene.language.lasting import parsed
+from rungwise.scene.language.poses import AT, TILT
 from rungwise.scene.language.units import measured
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.fields import SpaceFile
@@ -52,6 +53,7 @@ def _lookup(units: Mapping[str, str], coordinates: Mapping[str, Kind]) -> Lookup
     powers = {name: Powers(*measured(unit).powers) for name, unit in units.items()}
     powers |= {name: kind.powers for name, kind in coordinates.items()}
     functions = {"gap": Powers(1), "force": Powers(1, 1, -2), "impulse": Powers(1, 1, -1)}
+    functions |= {AT: Powers(1), TILT: NONE}
 
     def known(name: str) -> Powers | None:
         return powers.get(name, functions.get(name.partition("(")[0]))

@@ -36,6 +36,7 @@ from rungwise.scene.language.expression import (
     evaluate,
 )
 from rungwise.scene.language.lasting import FOR, REST, ExpressionError, restored, rewritten
+from rungwise.scene.language.poses import OF_POSES, expanded
 from rungwise.scene.language.units import Conversion, converted
 
 MAX_LENGTH = 40_000
@@ -210,7 +211,11 @@ class _Compiler:
 
     def _call(self, name: str, args: list[ast.expr]) -> None:
         if name not in FUNCTIONS:
-            self._name(name, *args)
+            whole = expanded(name, [self._dotted(arg) for arg in args]) if name in OF_POSES else None
+            if whole is None:
+                self._name(name, *args)
+            else:
+                self.number(whole)
             return
         operation, arity = FUNCTIONS[name]
         if name in ("min", "max"):

@@ -9,6 +9,7 @@ from rungwise.scene.errors import SceneError
 from rungwise.scene.language.compiler import compile_expression
 from rungwise.scene.language.expression import CONDITIONS, CONSTANTS, FUNCTIONS, SLOTS, TIMES, Code
 from rungwise.scene.language.lasting import REST, ExpressionError
+from rungwise.scene.language.poses import AT, AXES, NUMBERS, slot_of
 from rungwise.scene.language.units import Conversion
 from rungwise.wording import choices
 
@@ -19,8 +20,8 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `velocities` are what `speed` takes, the coordinates if not given; `bodies` what `rest` takes,
-    `units` says which parameters are converted. `read`
+    `velocities` are what `speed` takes, the coordinates if not given; `bodies` what `rest` takes, `posed`
+    those whose poses can be read; `units` says which parameters are converted. `read`
     collects, for each function of `OF_CONTACTS`, the contacts for which some condition calls it.
     """
 
@@ -32,13 +33,14 @@ class Names:
         velocities: tuple[str, ...] | None = None,
         bodies: tuple[str, ...] = (),
         units: Mapping[str, Conversion] = MappingProxyType({}),
+        posed: tuple[str, ...] = (),
     ) -> None:
         for name in parameters:
             if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
         self.velocities = coordinates if velocities is None else velocities
-        self.bodies, self.units = bodies, units
+        self.bodies, self.units, self.posed = bodies, units, posed
         self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
 
     def number(self, text: str, path: str, timed: bool = False) -> Code:
@@ -86,19 +88,24 @@ class Names:
 
     @property
     def _first_of_contacts(self) -> int:
+        return self._first_of_poses + NUMBERS * len(self.posed)
+
+    @property
+    def _first_of_poses(self) -> int:
         return len(self.parameters) + 1 + len(self.coordinates) + len(self.velocities)
 
     def _state_choices(self, given: str) -> str:
         names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
         names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
         names += [f"{REST}({body})" for body in self.bodies]
+        names += [f"{AT}({body}, {axis})" for body in self.posed for axis in AXES]
         return choices(given, names)
 
     def of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
         """The slot of a name, or of a function of names, that conditions read; None if there is none."""
         time = len(self.parameters)
         n, contacts = len(self.coordinates), len(self.contacts)
-        moving = n + len(self.velocities)
+        moving = self._first_of_contacts - time - 1
         if function == "speed" and len(dotted) == 1 and dotted[0] in self.velocities:
             return time + 1 + n + self.velocities.index(dotted[0])
         if not function and len(dotted) == 1:
@@ -110,6 +117,10 @@ class Names:
                 return self.ways.stop
         if function == REST and len(dotted) == 1 and dotted[0] in self.bodies:
             return self.ways[self.bodies.index(dotted[0])]
+        if len(dotted) == 2 and dotted[0] in self.posed:
+            which = slot_of(function, dotted[1])
+            if which is not None:
+                return self._first_of_poses + NUMBERS * self.posed.index(dotted[0]) + which
         if function in OF_CONTACTS and len(dotted) == 2:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:

@@ -16,6 +16,7 @@ from rungwise.scene.language.compiler import compile_expression
 from rungwise.scene.language.expression import CONSTANTS, SLOTS, Code
 from rungwise.scene.language.lasting import lasting_of, parsed, written
 from rungwise.scene.language.names import OF_CONTACTS, Names
+from rungwise.scene.language.poses import AT, NUMBERS, TILT
 
 
 class Dimension(NamedTuple):
@@ -122,6 +123,7 @@ def _of_values(
     of_contacts = dict(zip(OF_CONTACTS, (LENGTH, FORCE, IMPULSE), strict=True))
     found: list[Dimension | None] = [None] * len(names.parameters)
     found += [TIME, *of_coordinate, *of_velocity]
+    found += ([LENGTH] * 3 + [ANGLE] * (NUMBERS - 3)) * len(names.posed)
     for function in OF_CONTACTS:
         found += [of_contacts[function]] * contacts
     found += [TIME] * SLOTS + [LENGTH] * len(names.bodies)
@@ -159,6 +161,8 @@ def _dimension(node: ast.expr, names: Names, known: list[Dimension | None]) -> D
             return None if under is None else under.power(0.5)
         case ast.Call(ast.Name("asin" | "acos" | "atan" | "atan2")):
             return ANGLE
+        case ast.Call(ast.Name(function)) if function in (AT, TILT):
+            return LENGTH if function == AT else ANGLE
         case ast.Call(ast.Name(function), args) if function in ("speed", *OF_CONTACTS):
             return _named(", ".join(ast.unparse(arg) for arg in args), function, names.of_state, known)
     return None

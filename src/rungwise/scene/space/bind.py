@@ -179,7 +179,7 @@ def check_names(scene: Source, spec: mujoco.MjSpec, model: mujoco.MjModel) -> No
     bounds = {name: getattr(file, name) for name in ("tolerance", "duration", "step")}
     laws = [entry.model_dump(exclude={"between", *CHOICES}) for entry in file.contacts]
     parts = {
-        name: part.model_dump(exclude={"file"}) for name, part in file.model.parts.items()
+        name: part.model_dump(exclude={"file", "body"}) for name, part in file.model.parts.items()
     }  # fmt: skip
     servos = {name: servo.model_dump() for name, servo in file.model.servos.items()}
     rest = {"model.set": file.model.set.model_dump(), "contacts": laws}

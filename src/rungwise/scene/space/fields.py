@@ -44,11 +44,12 @@ Triple = tuple[Number, Number, Number]
 
 
 class Part(Strict):
-    """A further model in the first one's world: its file, found as the first one's, and where its own world
-    is, as ``origin`` says in URDF: `xyz` in metres, and `rpy` in radians, about the fixed axes x, y and z in
-    this order."""
+    """A further model in the first one's world, or on a `body` of it or of a part before: its file, found as
+    the first one's, and where its own world is there, as ``origin`` says in URDF: `xyz` in metres, and `rpy`
+    in radians, about the fixed axes x, y and z in this order."""
 
     file: Text
+    body: Text | None = None
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 

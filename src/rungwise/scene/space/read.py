@@ -141,6 +141,7 @@ def _template(file: SpaceFile, model: mujoco.MjModel, names: Labels) -> NameTemp
             and model.body_weldid[a] != model.body_weldid[b]
         ),
         names.turns,
+        posed=names.bodies,
     )
 
 

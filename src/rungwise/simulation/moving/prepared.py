@@ -17,7 +17,8 @@ class Bodies(System, Protocol):
     """A system whose bodies a scene speaks of by their numbers; it may be run again and again.
 
     Where bodies turn, `paces(q, v)` gives the speed (b,) of the farthest point of each, which conditions of
-    rest read; otherwise it is that of the body's coordinates.
+    rest read; otherwise it is that of the body's coordinates. Where the scene says that poses can be read,
+    `frames(q)` gives them (b, 12) (see `scene.language.poses`).
     """
 
     def forget(self) -> None:

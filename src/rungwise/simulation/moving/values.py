@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, cast
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from rungwise.outcome import Code
 from rungwise.scene.language.expression import SLOTS, STACK, Programs, evaluate, holds
 from rungwise.scene.language.expression import Code as Program
 from rungwise.scene.language.names import OF_CONTACTS
+from rungwise.scene.language.poses import NUMBERS
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.prepared import Bodies, Numbers
@@ -18,9 +20,9 @@ from rungwise.simulation.moving.prepared import Bodies, Numbers
 
 @dataclass
 class Values:
-    """Values that programs read: parameters, t, q, v, gaps, normal forces and impulses of pairs of bodies,
-    times since when parts of conditions have held, ways of bodies in a nominal step, tolerance (see
-    `Template`); gaps, forces and impulses of the pairs that conditions ask for, ways where they ask for
+    """Values that programs read: parameters, t, q, v, poses, gaps, normal forces and impulses of pairs of
+    bodies, times since when parts of conditions have held, ways of bodies in a nominal step, tolerance
+    (see `Template`); poses, gaps, forces and impulses of what conditions ask for, ways where they ask for
     rest."""
 
     scene: StatedScene
@@ -42,6 +44,8 @@ class Values:
         self.pairs = sorted(
             {index % count for index in read if index < len(OF_CONTACTS) * count} if count else ()
         )
+        poses = range(self._first_of_poses, first)
+        self._poses = any(slot in poses for program in (*stated, *self.until) for slot in program.reads)
         self.all[self.first_time : self.first_time + SLOTS] = np.inf
         ways = range(len(self.all) - 1 - len(template.bodies), len(self.all) - 1)
         self._rests = any(slot in ways for program in (*stated, *self.until) for slot in program.reads)
@@ -73,6 +77,10 @@ class Values:
 
     @property
     def _first_of_contacts(self) -> int:
+        return self._first_of_poses + NUMBERS * len(self.scene.template.posed)
+
+    @property
+    def _first_of_poses(self) -> int:
         template = self.scene.template
         return len(template.parameters) + 1 + len(template.coordinates) + len(template.velocities)
 
@@ -82,7 +90,9 @@ class Values:
         time, n_q, count = len(template.parameters), len(template.coordinates), len(template.contacts)
         self.all[time] = now
         self.all[time + 1 : time + 1 + n_q] = q
-        self.all[time + 1 + n_q : first] = v
+        self.all[time + 1 + n_q : self._first_of_poses] = v
+        if self._poses:
+            self.all[self._first_of_poses : first] = cast(Any, system).frames(q).ravel()
         self.all[first + count : first + 2 * count] = 0.0
         for (a, b), index in self._of_pair.items():
             self.all[first + index] = system.gap(q, a, b)
@@ -151,7 +161,8 @@ class Values:
         template, first = self.scene.template, self._first_of_contacts
         time, contacts = len(template.parameters), len(template.contacts)
         self.all[:] = ended
-        for own in (slice(time, time + 1 + len(template.coordinates)), slice(first, first + contacts)):
+        places = slice(time, time + 1 + len(template.coordinates))
+        for own in (places, slice(self._first_of_poses, first + contacts)):
             finite = np.isfinite(begun[own]) & np.isfinite(ended[own])
             ways = np.where(finite, part * ended[own] + (1.0 - part) * begun[own], ended[own])
             self.all[own] = ways

@@ -126,6 +126,7 @@ class Space:
         self._q: Reals | None = None
         self._least: float | None = None
         self._resting: Resting | None = None
+        self._framed: mujoco.MjData | None = None
         self._near = AHEAD * NEAR * length
         self.look_within(self._near)
         self._at(self.place)
@@ -201,6 +202,15 @@ class Space:
             for j in self._geoms_of(b):
                 least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
         return float(least)
+
+    def frames(self, q: Reals) -> Reals:
+        """Where bodies are at q (n_q,): their origins, and row by row the matrices of their axes (b, 12)."""
+        d = self.data
+        if self._q is None or q.tobytes() != self._q.tobytes():
+            d = self._framed = self._framed or self._mujoco.MjData(self.model)
+            d.qpos[:] = q
+            self._mujoco.mj_kinematics(self.model, d)
+        return np.hstack([d.xpos, d.xmat])
 
     def paces(self, q: Reals, v: Reals) -> Reals:
         """Speeds (b,) of the farthest points of bodies: of their centres of mass, and of turns about them."""

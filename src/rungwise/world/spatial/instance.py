@@ -9,8 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.scene.language.lasting import names_in
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import BALL, FREE, SLIDE, moments
 from rungwise.world.carriers import Driven
@@ -49,7 +51,9 @@ class SpatialInstance(SceneInstance[SpaceBound]):
 
     @cached_property
     def moved(self) -> Moved:
-        return moved_in_space(self.bound)
+        said = names_in(self.scene.file.goal) if self.scene.file.goal else set[str]()
+        named = [k for k, name in enumerate(self.scene.template.bodies) if name in said]
+        return moved_in_space(self.bound, named)
 
     def driven(self, name: str, path: str) -> Driven:
         body = self.scene.template.bodies.index(name)
@@ -88,8 +92,9 @@ def reaches_of(model: mujoco.MjModel) -> Reals:
     return reach
 
 
-def moved_in_space(bound: SpaceBound) -> Moved:
-    """Weights and size of what is moved in a bound scene in space."""
+def moved_in_space(bound: SpaceBound, named: list[int]) -> Moved:
+    """Weights and size of what is moved in a bound scene in space: of objects; where there are none, of the
+    robots' bodies among those that a goal has `named`."""
     model, roles = bound.model, np.array(roles_in_space(bound))
     reach = reaches_of(model)
     weights, turns, rates = np.zeros(model.nq), list[range](), np.zeros(model.nv)
@@ -109,6 +114,18 @@ def moved_in_space(bound: SpaceBound) -> Moved:
             )
     sizes = reach[roles == OBJECT]
     if not sizes.max(initial=0.0) > 0.0:
-        sizes = reach[roles == ROBOT]
+        sizes = _asked(bound, roles, reach, named)
     size = float(sizes.max(initial=0.0))
     return Moved(weights, size or 1.0, np.array(turns, np.int64).reshape(-1, 4), rates)
+
+
+def _asked(bound: SpaceBound, roles: NDArray[np.str_], reach: Reals, named: list[int]) -> Reals:
+    """How far the robots' bodies of which a goal speaks reach (k,), or what they are built on where they
+    have no geoms; all robots where it speaks of none."""
+    found = list[float]()
+    for body in named:
+        while roles[body] == ROBOT and not reach[body] > 0.0:
+            body = int(bound.model.body_parentid[body])
+        if roles[body] == ROBOT:
+            found.append(float(reach[body]))
+    return np.array(found) if found else np.asarray(reach[roles == ROBOT])

@@ -9,11 +9,13 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
 from rungwise.scene.space.assembly.servos import add_servos
 from rungwise.scene.space.fields import Model, Part
 from rungwise.scene.space.mujoco_model import compiled, library, model_path, read_spec
 from rungwise.scene.space.packages import with_files
 from rungwise.scene.stated import Numbers
+from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import mujoco
@@ -50,7 +52,13 @@ def _attach(spec: mujoco.MjSpec, name: str, part: Part, folder: Path, numbers: N
     with_files(child, Path(child.modelfiledir or own.parent))
     child.compiler.fusestatic = False  # the part's base stays a body, of which its links are kin
     compiled(child, own)
-    frame = spec.worldbody.add_frame()
+    under = spec.worldbody if part.body is None else spec.body(part.body)
+    if under is None:
+        bodies = [each.name for each in spec.bodies if each.name]
+        raise SceneError(
+            f"{field}.body: no body is called {shown(part.body)}{choices(part.body or '', bodies)}"
+        )
+    frame = under.add_frame()
     if numbers is not None:
         frame.pos = [numbers.one(each, f"{field}.xyz.{k}") for k, each in enumerate(part.xyz)]
         frame.quat = _quaternion(*(numbers.one(each, f"{field}.rpy.{k}") for k, each in enumerate(part.rpy)))
