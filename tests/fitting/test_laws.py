@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -47,3 +48,39 @@ def test_the_number_of_a_law_comes_back(name: str) -> None:
     # Whole trials: in short spans the few in which a law acts count as outliers of a robust loss.
     found = rw.fit(scene, RUNG, motions, ("law",), span=10.0, threads=1)
     assert found.values["law"] == pytest.approx(true["law"], rel=0.05)
+
+
+IN_SPACE: dict[str, tuple[str, dict[str, Any], dict[str, Any], float]] = {
+    "restitution that falls with speed": (
+        '<body name="b" pos="0 0 .1"><joint name="z" type="slide" axis="0 0 1"/>',
+        {"restitution": 0.8, "yield_speed": "law"},
+        {"start": {"places": {"b.z": "high - 0.05"}}, "step": 4e-3},
+        0.5,
+    ),
+    "static friction": (
+        '<body name="b" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/>'
+        '<joint name="z" type="slide" axis="0 0 1"/>',
+        {"friction": 0.3, "static_friction": "law"},
+        {"controls": {"m": "100 * high * t"}, "step": 4e-3},
+        0.5,
+    ),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", IN_SPACE)
+def test_the_number_of_a_law_comes_back_in_space(name: str, tmp_path: Path) -> None:
+    body, law, fields, true = IN_SPACE[name]
+    motor = '<actuator><motor name="m" joint="x"/></actuator>' if "controls" in fields else ""
+    (tmp_path / "m.xml").write_text(
+        '<mujoco><option gravity="0 0 -10"/><worldbody><geom type="plane" size="5 5 .1"/>'
+        f'{body}<geom size=".05" mass="1"/></body></worldbody>{motor}</mujoco>'
+    )
+    parameters = {"high": {"default": 0.2}, "law": {"default": 1.0, "range": [0.31, 3.0]}}
+    data = {"name": "laws", "model": {"file": str(tmp_path / "m.xml")}, "contacts": [law], "duration": 0.4}
+    scene, highs = rw.load(data | fields | {"parameters": parameters}), (0.2, 0.4)
+    runs = [rw.simulate(scene, RUNG, parameters={"high": x, "law": true}) for x in highs]
+    motions = rw.Motions.from_runs(runs, parameters={"high": highs})
+    # At the steps of the data: runs of first order put an impact up to a step early.
+    found = rw.fit(scene, RUNG, motions, ("law",), span=10.0, step=4e-3, threads=1)
+    assert found.values["law"] == pytest.approx(true, rel=0.01)
