@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.simulation.spatial.frames import Frame
+from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.spins import Spins, turn_freely
 
 from .conftest import Make
-from .measure import FLOOR, NO_GRAVITY, Array, G, free, q, run, world
+from .measure import FLOOR, NO_GRAVITY, Array, G, free, q, run, v, world
 from .rungs import DYNAMIC, named
 
 INERTIA = np.array([2.0, 3.0, 4.0])
@@ -132,3 +133,53 @@ def test_a_step_keeps_the_momentum_of_what_turns_by_a_third_of_a_radian() -> Non
         after = np.linalg.solve(I, I @ speed + h * (load[3:] - np.cross(speed, I @ speed)))
         turned = Rotation.from_rotvec(h * after).apply(I @ after)
         assert np.abs(turned - I @ speed).max() < 2e-15 * np.abs(I @ speed).max()
+
+
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+@pytest.mark.parametrize("tol", [1e-2, 1e-5])
+def test_steps_of_controlled_length_lead_along_the_parabola(make: Make, rung: Rung, tol: float) -> None:
+    """Also a body whose centre is not its frame's, and that turns; in few steps, however small the error."""
+    body = '<body name="b" pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .3" pos=".1 .2 .3"/></body>'
+    start = {"velocities": {"b.x": 1.0, "b.z": 2.0, "b.rz": 3.0}}
+    for bodies, most in ((free("b", "0 0 1", 'size=".1"'), 20), (body, 10_000)):
+        found = run(make(world(bodies), start=start, duration=0.3), rung, tol=tol)
+        t = found.time
+        assert q(found)[2] == pytest.approx(1.0 + 2.0 * t - 0.5 * G * t * t, abs=1e-12)
+        assert v(found)[2] == pytest.approx(2.0 - G * t, abs=1e-12)
+        assert found.steps <= most
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-5, 1e-7])
+def test_a_landing_takes_few_steps_however_small_the_error(make: Make, tol: float) -> None:
+    """A ball that falls by 1 m bounces with e = 0.8, and once more before the end."""
+    scene = make(
+        world(FLOOR, free("b", "0 0 1.1", 'size=".1"')), contacts=[{"restitution": 0.8}], duration=1.5
+    )
+    found = run(scene, rw.DYNAMIC_RIGID, tol=tol)
+    fall = np.sqrt(2.0 / G)
+    after = found.time - fall
+    up = 0.8 * np.sqrt(2.0 * G)
+    second = after - 2.0 * up / G
+    exact = 0.1 + 0.8 * up * second - 0.5 * G * second**2
+    assert second > 0.0
+    assert found.steps < 60 and q(found)[2] == pytest.approx(exact, abs=10.0 * tol)
+    assert found.energy_gained <= 1e-9
+
+
+JOINT, GEOM = "<freejoint/>", '<geom size=".1" mass="1"/>'
+OTHERS = {
+    "damped": ('<joint type="free" damping="1"/>', "", "", 0.0),
+    "compensated": (JOINT, ' gravcomp="0.5"', "", 0.0),
+    "weightless": (JOINT, "", '<option><flag gravity="disable"/></option>', 0.0),
+    "pushed": (JOINT, "", '<actuator><motor site="s" gear="0 0 1 0 0 0"/></actuator>', 0.0),
+    "tilted": (JOINT, "", '<option gravity="0 0 -3"/>', -3.0),
+}
+
+
+@pytest.mark.parametrize("which", OTHERS)
+def test_only_what_weight_alone_moves_falls_on_parabolas(make: Make, which: str) -> None:
+    joint, of_body, option, falls = OTHERS[which]
+    body = f'<body name="b"{of_body}>{joint}<site name="s"/>{GEOM}</body>'
+    scene = make(world(body, before=option))
+    own = Prepared.of(scene, {}).system.falls
+    np.testing.assert_array_equal(own, [0.0, 0.0, falls, 0.0, 0.0, 0.0])

@@ -39,7 +39,7 @@ from rungwise.simulation.core.tolerances import (
     SINKING,
 )
 from rungwise.simulation.core.update_state import accept, fill_pace, take_slots
-from rungwise.system.moving import Crowded, Moment, System
+from rungwise.system.moving import Crowded, Moment, System, landing
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 ROUNDED = 4
@@ -99,6 +99,7 @@ class Stepper:
     leapt: float = field(init=False, default=0.0)
     snaps: bool = field(init=False, default=False)
     _leaping: float = field(init=False, default=0.0)
+    _fell: Reals = field(init=False)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -119,6 +120,11 @@ class Stepper:
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace, self._keep_near = np.zeros(n), steady(fill_pace), steady(keep_near)
+        self._still = self._fell = np.zeros(n)
+        pulls = self._further is not None and self._further.pulls
+        weighs = self.rung.inertia == 1.0 and self.rung.loads and not (size.limited or pulls)
+        self._falls = self.system.falls if weighs and hasattr(self.system, "falls") else self._still
+        self._controls, self._may_fall = False, bool(self._falls.any())
         self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
         self.clock["limited"] = size.limited
         self.clock["surfaces"] = bool((self.terms.surface != APART).any())
@@ -141,10 +147,11 @@ class Stepper:
         its error is above `tol`, a length. Where there is none, however short, `rw.solve` is asked once, for
         forces to start from or for a proof. Returns the length for the next step.
 
-        To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
-        than `tol` in the step, it is small enough.
+        To leading order the error of a step of first order is h |v' - v| / 2; a fall along a parabola has
+        none. Where nothing moves farther than `tol` in the step, it is small enough.
         """
-        asked, h = False, self._until_edge(h)
+        asked, landed, self._controls = False, False, tol < math.inf
+        planned = h = self._until_edge(h)
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -154,9 +161,13 @@ class Stepper:
                 )
                 if error <= tol or moved <= tol:
                     self._accept(h)
-                    return wish
+                    return max(wish, planned) if landed else wish
                 self.crawl.vote(BENT, -1)
-                h = wish
+                pushes = self.scratch.contact_force[: self.contacts * self.system.size.directions]
+                flies = self._may_fall and not self.state.force.any()
+                lands = landing(self.terms, pushes, self.state.v, h) if flies else 0.0
+                # What an impact changes does not shrink with the step.
+                h, landed = (max(lands, CAUTION * h * tol / error), True) if lands > 0.0 else (wish, landed)
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             stuck = min(STUCK * self.system.size.length, self.system.size.thin)
@@ -182,7 +193,7 @@ class Stepper:
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
         old = np.where(self.state.prescribed == 1, v, self.state.v)
-        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - old))
+        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - self._fell - old))
         return 0.5 * change, 0.5 * h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(old)))
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
@@ -193,9 +204,10 @@ class Stepper:
         self._drive()
         self.clock["tried"] = h
         before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
-        self._trial, v, reach, begins = self.q, self.state.v, self._reach(h), True
+        self._trial, reach, begins = self.q, self._reach(h), True
+        v = led = self.state.v
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
-            if reach > size.farthest or not self._fill(self._trial, v, h, reach):
+            if reach > size.farthest or not self._fill(self._trial, led, h, reach):
                 self._cause = FAR
                 return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
             status = self._again(h)
@@ -210,15 +222,29 @@ class Stepper:
                 reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
                 continue
             v = self.scratch.v_new.copy()
-            if way > size.thin and self.system.passes(self.q, v, h):
+            led = self._led(v, h)
+            if way > size.thin and self.system.passes(self.q, led, h):
                 break
-            self._trial = self.system.integrate(self.q, v, h)
+            self._trial = self.system.integrate(self.q, led, h)
             if self._fits(v, h, way, before):
                 return SUPPORTED, v
             if begins:
                 self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
         self._cause = OVERLAPPING
         return UNSOLVED, v
+
+    def _led(self, v: Reals, h: float) -> Reals:
+        """The velocities by which places go on in a step to v: where nothing touches in a step of controlled
+        length, weight leads along parabolas, whose chords leave none by more than things are thick."""
+        self._fell = self._still
+        if not self._may_fall or not self._controls:
+            return v
+        touches = self.scratch.contact_force[: self.contacts * self.system.size.directions].any()
+        bend = 0.25 * h * h * self.system.fastest(self.q, np.abs(self._falls))
+        if touches or bend > self.system.size.thin:
+            return v
+        self._fell = h * self._falls
+        return v - 0.5 * self._fell
 
     def _leads_far(self, way: float) -> bool:
         """Whether a step without momentum goes so far that it may leap."""

@@ -84,7 +84,9 @@ class MovingSimulation(Turns, Kind):
         if state is not None:
             before = self._go_on(state, self.stepper, given.inputs is None)
         self.end = given.duration or (self._clock.end if self.inputs else bound.duration)
-        self._longest = (given.span or self.end) / LONGEST
+        # A run that goes on where a condition ended a segment takes steps as long as the run before.
+        whole = max(self.end, given.duration or sum(each.duration for each in self.inputs))
+        self._longest = (given.span or whole) / LONGEST
         if state is not None and not state.time < self.end:
             raise ModelError(f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}")
         most, stride = given.frames or 0, given.stride

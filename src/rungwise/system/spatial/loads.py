@@ -21,7 +21,8 @@ class Loads:
     """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
     rows of actuators afterwards, driving (n,) their part of the load, and taken (n,) the inertial forces and
     the weight that were taken off it. `joined` (n,): the velocities of bodies that do not turn freely;
-    `weighs` (b,): the masses of these bodies."""
+    `weighs` (b,): the masses of these bodies; `falls` (n,): accelerations of free bodies by weight, 0 where
+    more than weight and contacts may act."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
         import mujoco
@@ -45,6 +46,16 @@ class Loads:
         parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
         self._stretches = _stretches(m, bool(self._drag.any()))
         self._springs = any(bool(part.any()) for part in parts)
+        self.falls = np.zeros(m.nv) if self._springs or m.nu else self._weights()
+
+    def _weights(self) -> Reals:
+        """See `falls`."""
+        m, found = self.model, np.zeros(self.model.nv)
+        weightless = m.opt.disableflags & self._mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        for first in [] if weightless else self._spins.first.tolist():
+            if not m.dof_damping[first : first + 3].any():
+                found[first : first + 3] = m.opt.gravity
+        return found
 
     def fill(
         self, data: mujoco.MjData, moment: Moment, acting: Reals, pace: Reals, free: bool, terms: Terms

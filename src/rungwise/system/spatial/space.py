@@ -143,6 +143,7 @@ class Space:
         named = laws_named(self.laws.named, self._laws_of, farthest)
         self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded, named)
         self._all_free = bool(self.solids.free.all())
+        self.falls = np.where(self.solids.free, self.loads.falls, 0.0)
         self.noise = Noise()
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
         self._from = self._filled = self.place
