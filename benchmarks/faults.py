@@ -34,6 +34,9 @@ _RESIDUALS = (
     f"{_SOLVE}fast_contacts_hide_nothing_of_slow_ones_that_they_do_not_touch",
 )
 _WITNESS = ("tests/sets/test_feasible.py::test_a_witness_replays_and_a_certificate_bounds_the_error",)
+_LAWS = "tests/simulation/test_contact_laws.py::test_"
+_UNITS = ("tests/scene/test_dimensions.py",)
+_HANDS = ("tests/planning/modes/test_hand_numbers.py",)
 _LIMITS = "tests/test_every_limit.py::test_"
 
 FAULTS = (
@@ -385,5 +388,143 @@ FAULTS = (
         "turn = (angles[k] - angles[k - 1]) % (2.0 * math.pi)",
         "turn = (angles[k - 1] - angles[k]) % (2.0 * math.pi)", ("tests/planning/test_choices.py",),
         "rounded corners of an object go round the other way",
+    ),
+    # Laws of contact, one file each.
+    Fault(
+        "yields-the-wrong-way", "src/rungwise/scene/fields/laws/yielding.py",
+        "FALL = -0.25", "FALL = 0.25", (f"{_LAWS}restitution_falls_where_the_material_yields",),
+        "restitution rises where a contact yields",
+    ),
+    Fault(
+        "pulls-beyond-its-range", "src/rungwise/scene/fields/laws/adhesion.py",
+        "if pushed or gap <= contact.adhesion_range else 0.0",
+        "if pushed or gap <= 2.0 * contact.adhesion_range else 0.0",
+        (f"{_LAWS}leaving_takes_the_work_of_the_pull_over_its_range",), "adhesion pulls over twice its range",
+    ),
+    Fault(
+        "static-below-kinetic", "src/rungwise/scene/fields/laws/static_friction.py",
+        "contact.static_friction < contact.friction", "contact.static_friction > contact.friction",
+        (f"{_LAWS}static_friction_below_kinetic_is_refused_in_a_line",),
+        "static friction above the kinetic one is refused",
+    ),
+    # What a step leaves.
+    Fault(
+        "work-at-the-end", "src/rungwise/simulation/core/update_state.py",
+        "lever = 0.5 * (state.v[i] + end)", "lever = end", _CORE,
+        "work is that of the speeds at the end of a step", True,
+    ),
+    Fault(
+        "fresh-keeps-deformation", "src/rungwise/simulation/core/update_state.py",
+        "state.force[slot, i] = state.deformation[slot, i] = 0.0", "state.force[slot, i] = 0.0", _CORE,
+        "a contact of new features keeps the deformation of the old ones", True,
+    ),
+    Fault(
+        "impulse-not-added", "src/rungwise/simulation/core/update_state.py",
+        "state.impulse[slot, i] += h * state.force[slot, i]",
+        "state.impulse[slot, i] = h * state.force[slot, i]", _CORE,
+        "impulses are those of the last step alone", True,
+    ),
+    Fault(
+        "jam-told-late", "src/rungwise/simulation/planar/loop.py",
+        "(BETWEEN if refused else -1)", "(BETWEEN if refused else -2 * BETWEEN)",
+        ("tests/simulation/test_wedged.py::"
+         "test_a_jam_is_told_where_other_short_steps_stand_between_the_refused_ones",),
+        "other short steps between refused ones put a jam off",
+    ),
+    # Fits.
+    Fault(
+        "pulled-by-itself", "src/rungwise/fitting/certainty.py",
+        "np.sqrt(np.maximum(1.0 - shares, ALONE))", "np.sqrt(np.maximum(1.0 + shares, ALONE))",
+        ("tests/fitting/test_certainty.py",), "slopes of trials are shortened by what each says",
+    ),
+    Fault(
+        "trials-count-all", "src/rungwise/fitting/certainty.py",
+        "np.minimum(free, len(parts) - 1.0)", "np.full_like(free, len(parts) - 1.0)",
+        ("tests/fitting/test_certainty.py",), "trials that say nothing are degrees of freedom",
+    ),
+    Fault(
+        "wider-by-fewer", "src/rungwise/fitting/certainty.py",
+        "t.ppf(end, free) / norm.ppf(end)", "norm.ppf(end) / t.ppf(end, free)",
+        ("tests/fitting/test_certainty.py",), "intervals are narrower where fewer trials say something",
+    ),
+    Fault(
+        "lasts-from-the-start", "src/rungwise/fitting/measured/starts.py",
+        "known[:, :middle].any(axis=1) & known[:, middle + 1 :].any(axis=1)",
+        "known[:, :middle].any(axis=1) | known[:, middle + 1 :].any(axis=1)",
+        ("tests/fitting/test_starts.py",), "a contact lasts where frames follow that none is before",
+    ),
+    Fault(
+        "moved-by-deviation", "src/rungwise/fitting/measured/starts.py",
+        "scaled = slope * self._scale**2", "scaled = slope * self._scale", ("tests/fitting/test_starts.py",),
+        "starts are moved along what was measured as along what was not",
+    ),
+    Fault(
+        "closed-from-below-alone", "src/rungwise/fitting/measured/starts.py",
+        "(lasting & (gaps > 2.0 * clear))", "(~lasting & (gaps > 2.0 * clear))",
+        ("tests/fitting/test_starts.py",), "gaps are closed where contacts do not last",
+    ),
+    # Units.
+    Fault(
+        "ratio-of-units", "src/rungwise/scene/dimensions/expressions.py",
+        "1.0 if isinstance(op, ast.Mult) else -1.0", "1.0 if isinstance(op, ast.Mult) else 1.0", _UNITS,
+        "the unit of a ratio is that of the product",
+    ),
+    Fault(
+        "root-of-units", "src/rungwise/scene/dimensions/expressions.py",
+        "under.power(0.5)", "under.power(2.0)", _UNITS, "the unit of a root is that of the square",
+    ),
+    Fault(
+        "sine-of-lengths", "src/rungwise/scene/dimensions/expressions.py",
+        "if found not in (None, NONE):", "if found is None:", _UNITS,
+        "sines of lengths are taken, and such of anything refused",
+    ),
+    Fault(
+        "degrees-are-ratios", "src/rungwise/scene/dimensions/check.py",
+        "if own is None or (own == place.kind.powers and not is_angle):",
+        "if own is None or own == place.kind.powers:", _UNITS, "angles are taken where ratios belong",
+    ),
+    # Hands.
+    Fault(
+        "friction-helps", "src/rungwise/planning/modes/hands/press.py",
+        "edges = np.array([[1.0, *(-friction * slides)]])", "edges = np.array([[1.0, *(friction * slides)]])",
+        _HANDS, "friction of what an object slides over is along its motion",
+    ),
+    Fault(
+        "rises-onto", "src/rungwise/planning/modes/hands/press.py",
+        "if way[0] <= least:", "if way[0] >= least:", _HANDS,
+        "what an object rises from supports it, and what it is pressed on does not",
+    ),
+    Fault(
+        "loads-carried-twice", "src/rungwise/planning/modes/hands/press.py",
+        "finger.chain.joints(q) - np.clip(loads, -most, most)",
+        "finger.chain.joints(q) + np.clip(loads, -most, most)", _HANDS,
+        "targets of servos yield to the force with which a finger is to press",
+    ),
+    Fault(
+        "presses-with-the-most", "src/rungwise/planning/modes/hands/press.py",
+        "return float(1.0 / max(float(yields.max()) / deflection, float(strength.max()), 1e-12))",
+        "return float(1.0 / max(float(yields.max()) / deflection, 1e-12))", _HANDS,
+        "fingers press as far as their servos yield, however weak these are",
+    ),
+    Fault(
+        "cycles-past-the-deepest", "src/rungwise/planning/modes/hands/gaits.py",
+        "and tree.depth[node] < deepest:", "and tree.depth[node] <= deepest:", _HANDS,
+        "cycles go on where a plan may have no more moves",
+    ),
+    Fault(
+        "servo-signs", "src/rungwise/scene/space/assembly/servos.py",
+        "own.set_to_position(kp=stiffness, kv=damping)", "own.set_to_position(kp=damping, kv=stiffness)",
+        ("tests/scene/test_parts.py",), "servos have their damping for stiffness",
+    ),
+    Fault(
+        "servo-unlimited", "src/rungwise/scene/space/assembly/servos.py",
+        "own.forcerange, own.forcelimited = (-most, most), True",
+        "own.forcerange, own.forcelimited = (-most, most), False",
+        ("tests/scene/test_parts.py",), "servos of a model know no greatest force",
+    ),
+    Fault(
+        "servo-without-range", "src/rungwise/scene/space/assembly/servos.py",
+        "own.inheritrange = 1.0", "own.inheritrange = 0.0",
+        ("tests/scene/test_parts.py",), "targets of servos may leave the range of their joints",
     ),
 )  # fmt: skip

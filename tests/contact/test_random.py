@@ -100,3 +100,15 @@ def test_no_random_problem_is_lied_about(seed: int) -> None:
             assert found.certificate is not None and check(scaled(problem, found.massless), found.certificate)
     assert met["solved"] >= 0.7 * TRIALS
     assert met["not_converged"] <= 0.03 * TRIALS
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_path_alone_solves_what_all_solvers_do(seed: int) -> None:
+    """Its steps are taken again, shorter, where corrections would leave the cones."""
+    found, drawn = 0, np.random.default_rng([9, seed])
+    for _ in range(5):
+        problem = random_problem(drawn)
+        if rw.solve(problem).status == "solved":
+            found += 1
+            assert rw.solve(problem, solvers=("homotopy",)).status == "solved"
+    assert found > 0

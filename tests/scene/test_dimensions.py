@@ -156,3 +156,24 @@ def test_what_is_told_of_an_expression(read: str, is_told: bool) -> None:
 
 def test_degrees_in_a_product_of_angles() -> None:
     assert rw.load(pushed(angle="deg")).parameters()
+
+
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        ("sqrt(a * a)", ""), ("sqrt(a) ** 2", ""), ("a * sin(b)", ""), ("a * exp(a / a)", ""),
+        ("sqrt(a)", "bodies.b.shape.radius: 'sqrt(a)' is in m^0.5"),
+        ("a * sin(a)", "bodies.b.shape.radius: 'a' is in m, where an angle or a ratio is needed"),
+        ("a * log(b * a)", "bodies.b.shape.radius: 'b * a' is in m, where an angle or a ratio is needed"),
+    ],
+)  # fmt: skip
+def test_roots_and_functions_of_angles(read: str, message: str) -> None:
+    parameters = {name: {"default": 1.5, "unit": unit} for name, unit in (("a", "m"), ("b", "rad"))}
+    data = {**PLANE, "parameters": parameters, "contacts": []}
+    data["bodies"] = {"b": BODY | {"shape": {"kind": "disc", "radius": read}}}
+    if not message:
+        rw.load(data)
+        return
+    with pytest.raises(rw.SceneError) as error:
+        rw.load(data)
+    assert str(error.value).startswith(message)
