@@ -126,9 +126,7 @@ def parameters_of(scene: AnyScene, values: list[str] | None) -> dict[str, float]
     return scene.parameters(given_values(scene, values))
 
 
-def load_with(
-    source: str, values: list[str] | None, settle: bool = False
-) -> tuple[AnyScene, dict[str, float]]:
+def load_with(source: str, values: list[str] | None, settle: bool) -> tuple[AnyScene, dict[str, float]]:
     """A scene, and all its parameters with the values given by --set."""
     scene = load_scene(source, settle)
     return scene, parameters_of(scene, values)

@@ -62,7 +62,7 @@ def certify_infeasible(problem: ContactProblem, deadline: Deadline = NEVER) -> C
     deadline has come.
     """
     with np.errstate(all="ignore"):
-        for certificate in (_kinematic(problem, deadline), _frictional(problem, deadline=deadline)[0]):
+        for certificate in (_kinematic(problem, deadline), _frictional(problem, True, deadline)[0]):
             if certificate is not None and check(problem, certificate):
                 return certificate
     return None
@@ -77,7 +77,7 @@ def certify_unsupported(
 
 
 def certify_or_balance(
-    problem: ContactProblem, resisting: NDArray[np.float64], deadline: Deadline = NEVER
+    problem: ContactProblem, resisting: NDArray[np.float64], deadline: Deadline
 ) -> tuple[Certificate | None, Balance | None]:
     """The certificate of `certify_unsupported`, or what may balance the loads without inertia; or neither."""
     with np.errstate(all="ignore"):
@@ -228,7 +228,7 @@ def _least_left(
 
 
 def _frictional(
-    problem: ContactProblem, held: bool = True, deadline: Deadline = NEVER
+    problem: ContactProblem, held: bool, deadline: Deadline
 ) -> tuple[Certificate | None, Balance | None]:
     """The certificate of an island without solution, by branch and bound over its partial modes; or modes of
     which nothing excludes a solution; or neither."""

@@ -163,9 +163,7 @@ def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> li
     return []
 
 
-def separate(
-    system: System, mode: Mode, options: dict[str, float] = OPTIONS
-) -> tuple[Array | None, Array | None]:
+def separate(system: System, mode: Mode, options: dict[str, float]) -> tuple[Array | None, Array | None]:
     """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 

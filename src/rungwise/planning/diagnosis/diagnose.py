@@ -210,7 +210,7 @@ def compare(
 
 
 def both(
-    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, watch: Watch = _ALONE
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, watch: Watch
 ) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
     """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
     which they are compared, when both runs have ended."""

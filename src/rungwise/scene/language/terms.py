@@ -67,7 +67,7 @@ def terms_of(
     names: Names,
     of_coordinate: tuple[Dimension, ...],
     of_velocity: tuple[Dimension, ...],
-    lasts: str = "",
+    lasts: str,
 ) -> tuple[list[Term], Combination]:
     """The comparisons of a condition that compiles, and how they are combined; with the dimensions of
     coordinates and velocities. What must hold for a time must hold, and the time that is left of it be none,

@@ -18,7 +18,7 @@ Wanted: TypeAlias = "Mapping[str, float] | Sequence[float] | Reals | None"
 """Inputs by name, the others staying as they are; or all of them (u,), in the scene's order; None: none."""
 
 
-def segment_of(scene: AnyScene, wanted: Wanted, duration: object, ramp: bool = False) -> Segment:
+def segment_of(scene: AnyScene, wanted: Wanted, duration: object, ramp: bool) -> Segment:
     """A segment with these inputs. Raises ScheduleError, and ModelError for a duration."""
     names = scene.template.inputs
     lasts = positive("duration", duration)
