@@ -8,7 +8,7 @@ Each law, and each rung, is fitted to half of the impacts, and predicts the velo
 one before. The error is |predicted - measured| / |measured|, of the velocity whose spin is multiplied by the
 radius of gyration, so that its square is an energy over mass; and the same of the centre's velocity alone.
 The best impulse is chosen for each impact with its outcome known, among those at the point of contact that
-do not add energy: no law of a single point can be nearer.
+do not add energy: no law of a single point can be nearer. The last column compares impact by impact.
 """
 
 from __future__ import annotations
@@ -198,10 +198,10 @@ def _sliding(impact: Impact, v: Reals, mu: float) -> tuple[Reals, float]:
 
 
 LAWS: dict[str, Callable[[Impact, float, float], Reals]] = {
-    "Newton": newton,
-    "Poisson": poisson,
     "Routh": routh,
     "Stronge": stronge,
+    "Poisson": poisson,
+    "Newton": newton,
 }
 
 
@@ -254,25 +254,31 @@ def table(real: Real, gyration: float, seed: int) -> None:
     low, high = gyration_of(seen + held, gyration)
     print(f"{real.name}: {len(seen)} impacts fitted, {len(held)} held out; ", end="")
     print(f"radius of gyration {1e3 * low:.1f} to {1e3 * high:.1f} mm by the impulses")
-    print("| set | law | parameters | error with spin | error of the centre |\n|" + "---|" * 5, flush=True)
+    print("| set | law | parameters | error with spin | error of the centre | with spin, minus Routh |")
+    print("|" + "---|" * 6, flush=True)
+    every: dict[str, Reals] = {}
+    for name, law in LAWS.items():
+        values = law_fitted(law, seen)
+        every[name] = np.array([relative(each, law(each, values["mu"], values["e"])) for each in held])
+        _print(real.name, name, values, every[name], every.get("Routh"))
+    every["best"] = np.array([relative(each, best(each)) for each in held])
+    _print(real.name, "the best impulse", {}, every["best"], every["Routh"])
+    after = np.array([each.after for each in held])
     for name in (RIGID, COMPLIANT):
         values = fitted(real, name, train, seed).values
         place, turn = errors_of(real, name, values, test, real.span)
-        after = np.array([each.after for each in held])
-        errors = (
-            np.hypot(place, gyration * turn) / np.linalg.norm(after, axis=1),
-            place / np.linalg.norm(after[:, :2], axis=1),
-        )
-        _print(real.name, name, values, errors)
-    for name, law in LAWS.items():
-        values = law_fitted(law, seen)
-        found = np.array([relative(each, law(each, values["mu"], values["e"])) for each in held])
-        _print(real.name, name, values, tuple(found.T))
-    _print(real.name, "the best impulse", {}, tuple(np.array([relative(x, best(x)) for x in held]).T))
+        whole = np.hypot(place, gyration * turn) / np.linalg.norm(after, axis=1)
+        centre = place / np.linalg.norm(after[:, :2], axis=1)
+        _print(real.name, name, values, np.column_stack([whole, centre]), every["Routh"])
 
 
-def _print(data: str, law: str, values: dict[str, float], errors: Any) -> None:
-    told = [f"{m.value:.3f} ({m.lower:.3f} to {m.upper:.3f})" for m in map(mean_of, errors)]
+def _print(data: str, law: str, values: dict[str, float], errors: Reals, routh: Reals | None) -> None:
+    told = [f"{m.value:.3f} ({m.lower:.3f} to {m.upper:.3f})" for m in map(mean_of, errors.T)]
+    if routh is None or routh is errors:
+        told.append("")
+    else:
+        off = mean_of(errors[:, 0] - routh[:, 0])
+        told.append(f"{off.value:+.3f} ({off.lower:+.3f} to {off.upper:+.3f})")
     named = ", ".join(f"{name} {x:.3g}" for name, x in values.items())
     print(f"| {data} | {law} | {named} | " + " | ".join(told) + " |", flush=True)
 
