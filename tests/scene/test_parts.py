@@ -104,6 +104,7 @@ def test_servos_hold_joints_where_the_scene_puts_them(
     np.testing.assert_array_equal(model.actuator_gainprm[:, 0], [300.0, 7.0])
     np.testing.assert_array_equal(model.actuator_biasprm[:, 1:3], [[-300.0, -5.0], [-7.0, 0.0]])
     np.testing.assert_array_equal(model.actuator_forcerange[1], [-2.0, 2.0])
+    np.testing.assert_array_equal(model.actuator_forcelimited, [0, 1])
     np.testing.assert_array_equal(model.dof_damping[-2:], 0.5)
     run = rw.simulate(scene, "dynamic-rigid", duration=0.2)
     assert run.final["arm_l1"]["arm_j_1"] == pytest.approx(begun, abs=1e-6)

@@ -443,6 +443,16 @@ def test_cycles_run_side_by_side_from_a_few_nodes(monkeypatch: pytest.MonkeyPatc
     assert min(every) >= 0.0 and max(every) <= 1.0 and max(every) - min(every) > 0.2
 
 
+@pytest.mark.parametrize(("deepest", "goes_on"), [(1, False), (2, True)])
+def test_cycles_end_where_plans_may_have_no_more_moves(deepest: int, goes_on: bool) -> None:
+    """Two moves of a cycle are left, the first of which was made."""
+    move = np.ones(2)
+    own: Any = stub(_seen=1, _running=[gaits.Running(0, [move, move], move.tobytes())])
+    tree: Any = stub(parent=np.array([-1, 0]), vectors=np.ones((2, 2)), depth=np.array([0, 1]))
+    gaits.Gaits._go_on(own, tree, deepest)
+    assert [each.node for each in own._running] == ([1] if goes_on else [])
+
+
 @pytest.mark.parametrize("most", [10, 50])
 def test_trees_of_cycles_may_grow_deeper_than_a_plan(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     given = list[int]()
