@@ -42,8 +42,8 @@ OVER = {
     "dynamic-rigid": (*SUPPORT, "arm_C"),
     "dynamic-compliant": (*SUPPORT, "arm_C"),
 }
-EXACT = ("dynamic-rigid", "dynamic-compliant")
-"""Rungs that are fitted with the exact limit surface, too: others lack the inertia that the push shows."""
+EXACT = ("dynamic-compliant",)
+"""Rungs that are fitted with the exact limit surface, too: it takes several times as long."""
 OTHERS = ("mujoco", "box2d", "pymunk")
 UNITS = {"arm": (" N/m", 1.0), "arm_C": (" N s/m", 1.0), "lag": (" ms", 1e3)}
 UNITS |= dict.fromkeys(("press", "centre_x", "centre_y"), (" mm", 1e3))
