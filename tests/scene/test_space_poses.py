@@ -72,3 +72,14 @@ def test_a_place_is_a_length_and_a_tilt_an_angle() -> None:
         rw.load({**SCENE, "goal": "tilt(tip, z, hole) <= far"})
     scene = rw.load(SCENE)
     assert rw.ask(scene, "goal", np.zeros((1, 20))).units == ("length", "angle")
+
+
+def test_a_part_on_a_body_that_is_not_there_is_refused_in_a_line() -> None:
+    part = {"file": "ball.xml", "body": "flange", "xyz": [0.0, 0.2, 0.0]}
+    wrong = {
+        **SCENE,
+        "goal": None,
+        "model": {"file": "peg_arm.xml", "parts": {"own": {**part, "body": "flang"}}},
+    }
+    with pytest.raises(rw.SceneError, match=r"model\.parts\.own\.body: no body is called 'flang'"):
+        rw.load(wrong)
