@@ -13,6 +13,7 @@ import rungwise as rw
 from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import Crawl
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.core.update_state import take_slots
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.planar.step import error_control
@@ -261,3 +262,14 @@ def test_derivatives_by_parameters_keep_nine_digits() -> None:
     scene = rw.load(falls | {"bodies": {"one": body | slides}})
     found = rw.step_sensitivity(scene, rw.DYNAMIC_RIGID, None, [0.0], [1.0], 0.1, wrt=("parameters",))
     assert found.dv["parameters"][0, 0] == pytest.approx(0.1 * np.cos(1.0), rel=1e-9, abs=0.0)
+
+
+@pytest.mark.parametrize(("fresh", "left"), [(0, 0.3), (1, 0.0)])
+def test_contacts_of_new_features_begin_without_deformation(fresh: int, left: float) -> None:
+    state: Any = SimpleNamespace(
+        modes=np.ones(1, np.int64), force=np.full((1, 2), 5.0), deformation=np.full((1, 2), 0.3)
+    )
+    terms: Any = SimpleNamespace(deformation=np.zeros(2))
+    scratch: Any = SimpleNamespace(slots=np.zeros(1, np.int64))
+    unwrap(take_slots)(np.zeros(1, np.int64), np.array([fresh]), state, terms, scratch)
+    assert (terms.deformation == left).all() and (state.force == (0.0 if fresh else 5.0)).all()
