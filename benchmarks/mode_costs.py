@@ -25,8 +25,8 @@ from published_tasks import FOLDER, suits_modes, with_fingers
 
 import rungwise as rw
 from rungwise.planning.modes import planner
-from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.legs import Writer
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.motion.propagate import Predictor
 
 RUNGS = (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)

@@ -142,6 +142,16 @@ class Surfaces(NamedTuple):
     limits: Reals
 
 
+class Beside(NamedTuple):
+    """Contacts that are left out of `Touches` because others of the same face stand for them: faces (m,),
+    gaps (m,), rows (m, 1 + t, n_v) and friction (m,) as there."""
+
+    faces: Ints
+    gaps: Reals
+    rows: Reals
+    friction: Reals
+
+
 class Touches(NamedTuple):
     """What is nearer than asked at one place, and what acts there: pairs (k,) of the scene's contacts;
     features (k,), numbers that stay while the same parts of shapes are nearest; gaps (k,); points and normals
@@ -149,7 +159,8 @@ class Touches(NamedTuple):
     of each velocity, then, with torsion, of the turn about the normal, times torsional over sliding friction;
     friction (k,); the least gaps (c,) of all pairs, of those that are farther at least what
     was asked; poses (b, 3) of the bodies in the plane: centre of mass and angle, in space (b, 7): origin and
-    quaternion; weight and given forces (n_v,); and friction of supports."""
+    quaternion; weight and given forces (n_v,); and friction of supports. In space, of contacts of one face
+    four are told: faces (k,) are numbers of these, and `beside` are those that are left out."""
 
     pairs: Ints
     features: Ints
@@ -162,6 +173,8 @@ class Touches(NamedTuple):
     poses: Reals
     loads: Reals
     supports: Surfaces
+    faces: Ints
+    beside: Beside
 
 
 class Near(NamedTuple):
@@ -237,8 +250,9 @@ class Surroundings(Protocol):
     def near(self, q: Reals, pair: int) -> Near:
         """The nearest points of a pair of the scene's contacts at a place (n_q,)."""
 
-    def least(self, q: Reals, pairs: Ints) -> Reals:
-        """The gaps (p,) of some of the scene's contacts (p,) at a place (n_q,)."""
+    def least(self, q: Reals, pairs: Ints, within: float = ...) -> Reals:
+        """The gaps (p,) of some of the scene's contacts (p,) at a place (n_q,); of those that are farther, at
+        least `within`."""
 
     def rows(self, q: Reals, body: int, points: Reals, normals: Reals) -> Reals:
         """Rows (m, 1 + t, n_v) as of `Touches`, of contacts at points (m, d) of a body, in the frame of its

@@ -10,8 +10,8 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.arm_paths import arms_way
-from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.fingers import fingers_of
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.modes.execute import Scene
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

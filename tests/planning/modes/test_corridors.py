@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.modes.execute import Manner
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.planner import ModePlanner, mode_planner
+from rungwise.planning.modes.running.execute import Manner
+from rungwise.planning.modes.running.in_turn import InTurn
 from rungwise.planning.modes.tree import propose
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import begin
@@ -148,10 +149,11 @@ def test_a_later_leg_that_leads_to_its_end_at_once_saves_a_regrasp() -> None:
         legs.append(made.leg)
         vectors.append(vector)
     ends = [leg.way.places[-1] for leg in legs]
-    found = planner._sooner(legs, vectors, ends, 0, q, manner)
+    running = InTurn(planner.work, planner.scene, planner._ran, planner._look, "")
+    found = running._sooner(legs, vectors, ends, 0, q, manner)
     assert found is not None and found[0] == 1
     assert found[1].leg.way.places[-1] == pytest.approx(ends[1])
     stays = legs[0]._replace(changes=np.zeros(2, np.int64))
-    assert planner._sooner([stays, legs[1]], vectors, ends, 0, q, manner) is None
-    assert planner._sooner(legs, vectors, [ends[0], _straight(ground, q, 5)[-1]], 0, q, manner) is None
-    assert planner._sooner(legs, vectors, ends, 1, q, manner) is None
+    assert running._sooner([stays, legs[1]], vectors, ends, 0, q, manner) is None
+    assert running._sooner(legs, vectors, [ends[0], _straight(ground, q, 5)[-1]], 0, q, manner) is None
+    assert running._sooner(legs, vectors, ends, 1, q, manner) is None

@@ -14,13 +14,13 @@ from rungwise.kernel import Reals
 from rungwise.planning.modes import arm_paths, follow, guide
 from rungwise.planning.modes.balance import is_led_by
 from rungwise.planning.modes.forces.cones import PART, SLIDE, contact_edges, memory_for, ring_of
-from rungwise.planning.modes.forces.drag import stands, support_by_contacts
+from rungwise.planning.modes.forces.drag import lying
 from rungwise.planning.modes.forces.mode_motions import drags, every_mode, turn
 from rungwise.planning.modes.grips import Grip, _not_followed, touching
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.legs import Writer
 from rungwise.planning.modes.outlines import alike
-from rungwise.planning.modes.planner import ModePlanner
+from rungwise.planning.modes.running.in_turn import InTurn
 from rungwise.planning.motion.free_paths import is_clear
 from rungwise.planning.search.layout import _kept
 from rungwise.world.planar.surroundings import PlanarSurroundings
@@ -78,18 +78,20 @@ def test_a_mode_makes_some_of_the_wanted_motion(tilt: float, modes: int) -> None
 def test_contacts_that_carry_next_to_nothing_do_not_rub(share: float, carries: int) -> None:
     """A beam on two contacts that slide, whose weight is nearly above one of them."""
     ends = [np.array([1.0, 0.0, -1.0]), np.array([1.0, 0.0, 1.0])]
-    _seen([(end, ACROSS) for end in ends], 1e-6)
     weight = -((1.0 - share) * ends[0] + share * ends[1])
-    found = support_by_contacts(np.array([SLIDE, SLIDE]), weight, MEMORY)
+    lies = lying(np.full(2, SLIDE), np.array(ends), np.tile(ACROSS, (2, 1, 1)), np.full(2, 1e-6), weight)
+    forces = None if lies is None else lies.normal_forces(np.zeros(3))
+    assert lies is not None and forces is not None
+    found = lies.support(forces)
     assert found is not None and len(found[0]) == carries
 
 
 @pytest.mark.parametrize(("off", "stays"), [(0.05, True), (0.3, False)])
 def test_what_is_pushed_tips_where_much_is_out_of_balance(off: float, stays: bool) -> None:
     for weight in (1.0, 100.0):
-        _seen([(UP, ACROSS)], 0.0)
-        load, push = weight * np.array([-1.0, 0.0, 0.0]), weight * np.array([0.0, 0.0, off])
-        assert stands(np.array([SLIDE]), ACROSS, load, push, MEMORY) == stays
+        load, push = -weight * UP, weight * np.array([0.0, 0.0, off])
+        lies = lying(np.array([SLIDE]), UP[None], ACROSS[None, None], np.zeros(1), load)
+        assert lies is not None and lies.stands(np.array([weight]), push, ACROSS) == stays
 
 
 def _pushed(edges: list[Reals], contacts: list[Reals], mode: int) -> bool:
@@ -264,9 +266,9 @@ def test_an_object_that_is_near_its_way_goes_on(off: float, near: bool) -> None:
     for size in (0.1, 2.0):
         ground = stub(away=lambda _a, _b, size=size: off * size)
         made = stub(ground=ground, leg=stub(way=stub(places=[None])))
-        own = stub(scene=stub(leg=lambda *_, made=made: made), work=stub(task=stub(size=size)), _look=None)
+        own = stub(scene=stub(leg=lambda *_, made=made: made), work=stub(task=stub(size=size)), look=None)
         legs = [stub(changes=np.array([1])), stub(changes=np.array([1]))]
-        found = ModePlanner._sooner(own, legs, [None, None], [None, None], 0, None, None)
+        found = InTurn._sooner(own, legs, [None, None], [None, None], 0, None, None)
         assert (found is not None) == near
 
 
@@ -285,7 +287,7 @@ def _arm(gap: Any) -> Any:
         bounds=(np.full(1, -2.0), np.full(1, 2.0)), drives=lambda q: q, put=lambda _q, drives: drives,
     )  # fmt: skip
     scene = stub(template=stub(contacts=[("tip", "post")], bodies=["tip", "post"]))
-    around = stub(least=lambda q, _own: np.array([gap(float(q[0]))]))
+    around = stub(least=lambda q, _own, _within: np.array([gap(float(q[0]))]))
     return stub(fingers=[finger], around=around, task=stub(scene=scene, size=0.1))
 
 

@@ -13,7 +13,6 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.balance import modes, motion, rests
-from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.follow import follow
 from rungwise.planning.modes.forces.cones import PART, SLIDE
 from rungwise.planning.modes.frames import weights_of
@@ -21,6 +20,7 @@ from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.outlines import alike
 from rungwise.planning.modes.planner import COURSES, anew_on, mode_planner
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import Work, begin

@@ -9,9 +9,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.modes.balance import is_led, modes, motion, rests
-from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.grips import grips, touching
 from rungwise.planning.modes.ground import Ground
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

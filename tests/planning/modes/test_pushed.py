@@ -10,8 +10,8 @@ import yaml
 
 import rungwise as rw
 from rungwise.planning.modes.balance import modes, motion
-from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.pushed import led_target
+from rungwise.planning.modes.running.execute import Scene
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of

@@ -39,11 +39,12 @@ def arms_way(
             q, at = finger.put(q, values[at : at + size]), at + size
         return q
 
+    clear = NEAR * min(finger.carrier.clearance for finger in fingers)
+
     def gaps(values: Reals) -> Reals:
-        return ground.around.least(place(values), own)
+        return ground.around.least(place(values), own, 2.0 * clear)
 
     ends = [np.concatenate([finger.drives(q) for finger in fingers]) for q in (a, b)]
-    clear = NEAR * min(finger.carrier.clearance for finger in fingers)
     least = np.minimum(clear, 0.5 * np.min([gaps(end) for end in ends], axis=0))
     if (least <= 0.0).any():
         return None

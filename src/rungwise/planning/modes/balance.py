@@ -27,7 +27,7 @@ from rungwise.planning.modes.forces.cones import (
     presses,
     see,
 )  # fmt: skip
-from rungwise.planning.modes.forces.drag import stands, support_by_contacts
+from rungwise.planning.modes.forces.drag import STANDS, Lying, lying
 from rungwise.planning.modes.forces.mode_motions import (
     GAIN,
     KEPT,
@@ -44,10 +44,9 @@ from rungwise.world.carriers import frame_of
 
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
-
 SETTLED, LOADINGS = 0.01, 30
-"""Part of the weight by which the load of a support may still grow as its friction, and with it what fingers
-press with, is known better; and how often it is known better at most."""
+"""Part of the weight that may be out of balance, so that friction of a support, by its load and its slips, is
+not sought anew; and how often it is at most."""
 
 
 class Motion(NamedTuple):
@@ -90,16 +89,34 @@ def is_led_by(ground: Ground, seen: Seen, grip: Grip, kinds: Ints) -> bool:
 def drags(ground: Ground, seen: Seen, mode: tuple[int, ...]) -> bool:
     """Whether the object rests on contacts that slide in a mode, so that their friction tells its motion
     where fingers leave it several."""
-    return _dragged(ground, seen, np.array(mode, np.int64), _seen(ground, seen)) is not None
+    return _dragged(ground, seen, np.array(mode, np.int64)) is not None
 
 
-def _dragged(
-    ground: Ground, seen: Seen, mode: Ints, memory: Memory, pressed: Reals | float = 0.0
-) -> tuple[Reals, float] | None:
-    """See `drags`: the support that contacts are, to the weight and what fingers press with (k,); None in the
-    plane, where fingers lead all motions."""
-    weight = seen.touches.loads[ground.columns] / ground.units + pressed
-    return support_by_contacts(mode, weight, memory) if len(ground.turns) else None
+def _dragged(ground: Ground, seen: Seen, mode: Ints) -> tuple[Reals, float] | None:
+    """See `drags`: the support that contacts are under the weight alone; None in the plane, where fingers
+    lead all motions."""
+    lies = _lying(ground, seen, mode)
+    forces = None if lies is None else lies.normal_forces(np.zeros(len(ground.columns)))
+    return None if lies is None or forces is None else lies.support(forces)
+
+
+def _lying(ground: Ground, seen: Seen, mode: Ints) -> Lying | None:
+    """The contacts on which an object in space lies in a mode; None in the plane, and where nothing presses
+    on any. Those that modes do not tell apart do what those of their face do, and slide where it turns."""
+    if not len(ground.turns):
+        return None
+    touches, beside = seen.touches, seen.touches.beside
+    kinds, faces = np.full(len(beside.faces), PART), touches.faces[seen.closed]
+    for k in np.flatnonzero(beside.gaps < ground.closed):
+        own = mode[faces == beside.faces[k]]
+        if len(own) and (own != PART).all():
+            kinds[k] = STICK if (own == STICK).all() else SLIDE
+    every = np.concatenate([touches.rows[seen.closed], beside.rows])[:, :, ground.columns] / ground.units
+    return lying(
+        np.concatenate([mode, kinds]), every[:, 0], every[:, 1:],
+        np.concatenate([touches.friction[seen.closed], beside.friction]),
+        touches.loads[ground.columns] / ground.units,
+    )  # fmt: skip
 
 
 def carried(ground: Ground, seen: Seen) -> tuple[Reals, float] | None:
@@ -135,58 +152,64 @@ def _held_motion(
     support, memory = carried(ground, seen), _seen(ground, seen)
     bind(ground, seen, held, memory)
     if support is None and len(ground.turns) and not is_led_by(ground, seen, held, mode):
-        return _dragged_motion(ground, seen, held, mode, want, memory)
+        return _dragging(ground, seen, held, mode, want, memory)
     if support is not None:
         return _on_support(ground, seen, held, mode, want, support, memory)
     change = np.empty(len(want))
     if not projected(mode, want, change, memory) or change @ want < GAIN * float(want @ want):
         return None
     pushes = _balanced(ground, seen, held, mode, change, press, memory)
-    return None if pushes is None else Motion(change / ground.units, pushes, held.led)
+    if pushes is None or not _is_settled(ground, seen, held, mode, change, memory):
+        return None
+    return Motion(change / ground.units, pushes, held.led)
 
 
-def _dragged_motion(
+def _dragging(
     ground: Ground, seen: Seen, held: Grip, mode: Ints, want: Reals, memory: Memory
 ) -> Motion | None:
-    """See `motion`, of an object that fingers drag over contacts, whose friction grows as they press on it;
-    None where no force is enough, as where the object sticks to its support rather than to its fingers."""
-    pressed = np.zeros(len(want))
-    for _ in range(LOADINGS):
-        support = _dragged(ground, seen, mode, memory, pressed)
-        found = support and _on_support(ground, seen, held, mode, want, support, memory)
-        if not found:
+    """See `motion`, of an object that fingers drag over the contacts on which it lies: these are a support by
+    the slips of the motion, and under the forces of the push, that come of it; None where no force is enough,
+    as where the object sticks to its support rather than to its fingers."""
+    lies, wrench, change = _lying(ground, seen, mode), np.zeros(len(want)), np.zeros(len(want))
+    slips: Reals | None = None
+    found: Motion | None = None
+    memory.friction[: len(mode)][mode == SLIDE] = 0.0
+    if lies is None:
+        return None
+    for within in (*[SETTLED] * LOADINGS, STANDS):
+        forces = lies.normal_forces(wrench)
+        if forces is None:
             return None
-        before, pressed = pressed, _pressing(ground, seen, held, memory)
-        weight = np.linalg.norm(seen.touches.loads[ground.columns] / ground.units)
-        if np.linalg.norm(pressed - before) <= SETTLED * weight:
-            return found if _stands(ground, seen, mode, held, found, memory) else None
-        memory = _seen(ground, seen)
-        bind(ground, seen, held, memory)
+        if found is not None and lies.stands(forces, wrench, change, within):
+            return found
+        support = lies.support(forces, slips)
+        found = support and _on_support(ground, seen, held, mode, want, support, memory)
+        if found is None:
+            return None
+        change, wrench = found.change * ground.units, _wrench(held, memory)
+        now = lies.slips(change)
+        slips = now if slips is None else 0.5 * (slips + now)
     return None
 
 
-def _pressing(ground: Ground, seen: Seen, held: Grip, memory: Memory) -> Reals:
-    """What the forces of fingers, from the `share` of their edges, add to the weight (k,), over units: their
-    parts along it, each where the finger touches."""
-    sides, own = len(memory.ring), ground.columns[:3]
-    loads = seen.touches.loads[own]
-    down = loads / (float(np.linalg.norm(loads)) or 1.0)
-    total = np.zeros(len(ground.columns))
-    for k, contact in enumerate(held.contacts):
-        edges = slice(sides * k, sides * (k + 1))
-        force = memory.share[edges] @ memory.edges[edges, :3] * ground.units[:3]
-        rows = seen.touches.rows[contact, :3]
-        total += (force @ down) * (rows[:, own] @ down) @ rows[:, ground.columns]
-    return np.asarray(total / ground.units)
-
-
-def _stands(ground: Ground, seen: Seen, mode: Ints, held: Grip, found: Motion, memory: Memory) -> bool:
-    """Whether an object that fingers drag over contacts does not tip."""
+def _wrench(held: Grip, memory: Memory) -> Reals:
+    """The force (k,) of fingers on the object, over units."""
     count = len(memory.ring) * len(held.contacts)
-    wrench = memory.share[:count] @ memory.edges[:count]
-    again = _seen(ground, seen)
-    weight = seen.touches.loads[ground.columns] / ground.units
-    return stands(mode, found.change * ground.units, weight, wrench, again)
+    return np.asarray(memory.share[:count] @ memory.edges[:count])
+
+
+def _is_settled(ground: Ground, seen: Seen, held: Grip, mode: Ints, change: Reals, memory: Memory) -> bool:
+    """Whether contacts of an object in space that are to stick, and without which fingers would leave it
+    other motions, stick by the normal forces that they have where all contacts yield alike."""
+    if not len(ground.turns) or not (mode == STICK).any() or not change.any():
+        return True
+    if is_led_by(ground, seen, held, np.where(mode == STICK, SLIDE, mode)):
+        return True
+    wrench, lies = _wrench(held, memory), _lying(ground, seen, mode)
+    forces = None if lies is None else lies.normal_forces(wrench)
+    if lies is None or forces is None:
+        return lies is None
+    return lies.stands(forces, wrench, change, reserve=ground.fingers[0].reserve)
 
 
 def _opens(ground: Ground, seen: Seen, used: Ints, found: Motion) -> bool:
@@ -212,7 +235,9 @@ def could(
     if not projected(kinds, want, hoped, memory) or hoped @ want < GAIN * float(want @ want):
         return None
     weight = seen.touches.loads[ground.columns] / ground.units
-    borrowed = _dragged(ground, seen, kinds, memory) if support is None else None
+    borrowed = _dragged(ground, seen, kinds) if support is None else None
+    if borrowed is not None:
+        memory.friction[: len(kinds)][kinds == SLIDE] = 0.0
     slid = memory.edges[: contact_edges(kinds, hoped, 0.0, memory, 0)].copy()
     memory = _seen(ground, seen)
     end = contact_edges(kinds, hoped, ground.fingers[0].reserve, memory, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -10,13 +10,14 @@ import numpy as np
 from rungwise.deadline import TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
-from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
 from rungwise.planning.modes.reach.planner import by_reach, reach_in
-from rungwise.planning.modes.tree import Leg, far, propose
+from rungwise.planning.modes.running.execute import Begun, Manner, Node, Scene
+from rungwise.planning.modes.running.in_turn import InTurn
+from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.goals import goals_of
@@ -31,8 +32,6 @@ PRESSES, PACES = (0.05, 0.1, 0.05, 0.2), (1.0, 1.0, 2.0, 4.0)
 turn."""
 ROUNDS, ALONG = (40, 80, 160), 4
 """Rounds of trees, in turn; and at least, for each place of a course that is left."""
-DRIFTED = 0.15
-"""How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
 AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
 """How legs are made again: with which part of the load fingers press at least, and how much slower."""
 ATTEMPTS, EVENLY, BY_MODES, AT_FIRST = 12, 0.4, 0.8, 0.05
@@ -49,8 +48,6 @@ ASIDE = 0.8
 STEP = 3
 """Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
 searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
-SOONER = 2
-"""How many legs of a tree on a course may be left out at a time."""
 GUIDES, COURSES = 8, 3
 """How often the way of an object alone is sought, to one place at the goal after the other; how many of the
 shortest are followed, in turn."""
@@ -206,7 +203,7 @@ class ModePlanner:
 
     def _attempt(self) -> Found | None:
         """A tree from one of the nodes, and its legs run in turn."""
-        work, scene = self.work, self.scene
+        work = self.work
         manner = Manner(PRESSES[self.turn % len(PRESSES)], PACES[self.turn % len(PACES)])
         rounds = ROUNDS[self.turn % len(ROUNDS)]
         self.turn += 1
@@ -222,42 +219,8 @@ class ModePlanner:
         )  # fmt: skip
         if legs is None:
             return None
-        vectors = [scene.vector(ground, leg, manner) for leg in legs]
-        ends, k = [leg.way.places[-1] for leg in legs], 0
-        while k < len(legs):
-            made = Begun(ground, ground.look(q), legs[0]) if k == 0 else None
-            if len(course):
-                k, made = self._sooner(legs, vectors, ends, k, q, manner) or (k, made)
-            made = made or scene.leg(q, vectors[k], manner, self._look)
-            if made is None:
-                work.failures["no leg from where the object is"] += 1
-                return None
-            after = self._ran(node, made, manner)
-            if after is None:
-                return None
-            node, q = after, after.places.q[0]
-            if node.outcome == Code.GOAL:
-                return node.found
-            if ground.away(q, ends[k]) > DRIFTED * work.task.size:
-                work.failures[f"the object left its planned path on {self.predictor.stage.model.name}"] += 1
-                return None
-            k += 1
-        return None
-
-    def _sooner(
-        self, legs: Sequence[Leg], vectors: Sequence[Reals], ends: Sequence[Reals], k: int, q: Reals,
-        manner: Manner,
-    ) -> tuple[int, Begun] | None:  # fmt: skip
-        """A leg after the leg k, by its number, that leads from q (n,) to its end at once, so that fingers
-        change places less often; None where none does."""
-        for j in range(min(k + SOONER, len(legs) - 1), k, -1):
-            if not legs[j].changes.any() or not any(leg.changes.any() for leg in legs[k:j]):
-                continue
-            made = self.scene.leg(q, vectors[j], manner, self._look)
-            near = DRIFTED * self.work.task.size
-            if made is not None and made.ground.away(made.leg.way.places[-1], ends[j]) < near:
-                return j, made
-        return None
+        running = InTurn(work, self.scene, self._ran, self._look, self.predictor.stage.model.name)
+        return running.run(node, ground, legs, manner, len(course) > 0)
 
     def _look(self, steps: int) -> None:
         """Called after so many steps of a tree. Raises TimeOver, also where the budget is spent."""

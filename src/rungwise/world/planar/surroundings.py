@@ -18,7 +18,7 @@ from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, POINT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
-from rungwise.world.carriers import ROUNDED, Near, Outline, Surfaces, Touches, apart, frame_of
+from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches, apart, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
@@ -61,6 +61,10 @@ def _seek(
     return found
 
 
+_NONE = Beside(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2, 0)), np.zeros(0))
+"""In the plane all contacts are told."""
+
+
 class PlanarSurroundings:
     """See `Surroundings`. Robots that may be raised are in the plane."""
 
@@ -97,7 +101,7 @@ class PlanarSurroundings:
             float(found.friction.max()),
         )  # fmt: skip
 
-    def least(self, q: Reals, pairs: Ints) -> Reals:
+    def least(self, q: Reals, pairs: Ints, within: float = math.inf) -> Reals:  # noqa: ARG002
         return self.touches(q, 0.0).least[pairs]
 
     def changed(self, q: Reals, change: Reals) -> Reals:
@@ -139,6 +143,7 @@ class PlanarSurroundings:
             rows=terms.rows[: 2 * count].reshape(count, 2, len(q)).copy(),
             friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(), poses=poses,
             loads=acting, supports=Surfaces(terms.limited[self._rubbed], terms.limit[self._rubbed]),
+            faces=np.arange(count), beside=_NONE,
         )  # fmt: skip
 
     def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:

@@ -21,6 +21,7 @@ from rungwise.system.spatial.drives import BALL, FREE, SLIDE
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT
+from rungwise.world.spatial.around.distances import Distances
 from rungwise.world.spatial.instance import roles_in_space
 from rungwise.world.spatial.tool import JointTool
 
@@ -56,6 +57,7 @@ class SpatialConfigurations:
             if without not in (self.names[first], self.names[second]):
                 self.geoms.setdefault((first, second), []).append((a, b))
         self.pairs = np.array(list(self.geoms), np.int64).reshape(-1, 2)
+        self._distances = Distances(m, list(self.geoms.values()), self.far)
         self.bound = _bound(m)
 
     def _describe(self) -> None:
@@ -94,13 +96,12 @@ class SpatialConfigurations:
         return JointTool(self, carrier)
 
     def look(self, rows: Reals) -> tuple[Reals, Reals]:
-        m, d, distance, far = self.model, self._data, self._mujoco.mj_geomDistance, self.far
+        m, d, pairs = self.model, self._data, np.arange(len(self.geoms))
         gaps = np.empty((len(rows), len(self.geoms)))
         for row, found in zip(rows, gaps, strict=True):
             d.qpos[:] = row
             self._mujoco.mj_kinematics(m, d)
-            for c, pairs in enumerate(self.geoms.values()):
-                found[c] = min(distance(m, d, a, b, far, None) for a, b in pairs)
+            found[:] = self._distances.least(d, pairs)
         return gaps, rows
 
     def moved(self, marks: Reals) -> Reals:

@@ -50,13 +50,14 @@ def first_free(
     """Of places (n,) with an arm that touches an object as wanted, the first at which the scene's contacts
     that are avoided (a,) keep these gaps (a,), else the first; None where there is none."""
     first, pairs = None, np.array([wanted.pair, *avoided], np.int64)
+    within = max(float(kept.max(initial=0.0)), wanted.exact)
     for found in posed:
-        least = around.least(found, pairs)
+        least = around.least(found, pairs, within)
         if not least[0] < wanted.exact:
             continue
         if not (least[1:] >= kept).all() and arm is not None:
             found = cleared(around, arm, found, wanted, avoided, kept)
-            least = around.least(found, pairs)
+            least = around.least(found, pairs, within)
             if not least[0] < wanted.exact:
                 continue
         if (least[1:] >= kept).all():
@@ -70,7 +71,8 @@ def cleared(
 ) -> Reals:  # fmt: skip
     """The place (n,) with an arm that touches a point, led by those of its joints that this leaves free until
     contacts that are avoided (a,) keep these gaps (a,), as far as it comes."""
-    near, lacks = np.zeros(0, np.int64), kept - around.least(q, avoided)
+    most = float(kept.max(initial=0.0))
+    near, lacks = np.zeros(0, np.int64), kept - around.least(q, avoided, most)
     for _ in range(ROUNDS):
         near, before = np.union1d(near, np.flatnonzero(lacks > 0.0)), lacks.max(initial=0.0)
         for _ in range(OPENS):
@@ -85,7 +87,7 @@ def cleared(
             rows = np.vstack([own, *(other.rows[:1] for other in others)])[[True] * 3 + opens.tolist()]
             slope = rows[:, arm.columns] @ arm.rates(q)
             q = stepped(arm, q, slope, np.concatenate([-off, wider[opens]]), wanted.size, None)
-        lacks = kept - around.least(q, avoided)
+        lacks = kept - around.least(q, avoided, most)
         if not 0.0 < lacks.max(initial=0.0) < SLOWLY * before:
             break
     return q

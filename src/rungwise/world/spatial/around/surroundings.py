@@ -13,7 +13,8 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching_pairs
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.drives import BALL, FREE
-from rungwise.world.carriers import ROUNDED, Near, Outline, Surfaces, Touches
+from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches
+from rungwise.world.spatial.around.distances import Distances
 from rungwise.world.spatial.around.surface import surface
 
 CELLS = 1.0 / 3.0
@@ -59,6 +60,7 @@ class SpatialSurroundings:
                 self._geoms[pair].append((g, h))
         self.tangents = 3 if self._has_torsion() else 2
         self._far = 10.0 * float(m.stat.extent)
+        self._distances = Distances(m, self._geoms, self._far)
         self._outlines: dict[int, Outline] = {}
 
     def _has_torsion(self) -> bool:
@@ -96,14 +98,15 @@ class SpatialSurroundings:
         rows[:, 3:] *= twists[:, None, None]
         normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
         points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
-        some = _spread(owners, points, normals)
+        some, left, of = _spread(owners, points, normals)
         picked = kept[some]
         return Touches(
             pairs=owners[some], features=self._features(picked), gaps=contact.dist[picked].copy(),
             points=points[some].copy(), normals=normals[some], rows=rows[some],
             friction=frictions[some], least=least,
             poses=np.hstack([d.xpos, d.xquat]), loads=self._loads(d),
-            supports=Surfaces(np.zeros((0, m.nv)), np.zeros(0)),
+            supports=Surfaces(np.zeros((0, m.nv)), np.zeros(0)), faces=of[: len(some)],
+            beside=Beside(of[len(some) :], gaps[kept[left]].copy(), rows[left], frictions[left]),
         )  # fmt: skip
 
     def _features(self, contacts: Ints) -> Ints:
@@ -130,12 +133,7 @@ class SpatialSurroundings:
 
     def near(self, q: Reals, pair: int) -> Near:
         m, d = self._model, self._placed(q)
-        gap, ends, geoms = math.inf, np.zeros(6), (0, 0)
-        for g, h in self._geoms[pair]:
-            own = np.zeros(6)
-            apart = self._mujoco.mj_geomDistance(m, d, g, h, self._far, own)
-            if apart < gap:
-                gap, ends, geoms = apart, own, (g, h)
+        gap, ends, geoms = self._distances.nearest(d, pair)
         if m.geom_bodyid[geoms[0]] != self._first[pair]:
             geoms, ends = geoms[::-1], ends[[3, 4, 5, 0, 1, 2]]
         normal = ends[:3] - ends[3:]
@@ -163,13 +161,8 @@ class SpatialSurroundings:
         self._mujoco.mj_jac(self._model, d, found, None, point, body)
         return found
 
-    def least(self, q: Reals, pairs: Ints) -> Reals:
-        m, d, found = self._model, self._placed(q), np.full(len(pairs), self._far)
-        for k, pair in enumerate(pairs):
-            for g, h in self._geoms[pair]:
-                apart = self._mujoco.mj_geomDistance(m, d, g, h, float(found[k]), None)
-                found[k] = min(found[k], apart)
-        return found
+    def least(self, q: Reals, pairs: Ints, within: float = math.inf) -> Reals:
+        return self._distances.least(self._placed(q), pairs, within)
 
     def is_clear(self, a: Reals, b: Reals, length: float, least: float, pairs: Ints) -> bool:
         change, left = self.change(a, b), [(0.0, 1.0, self._nearest(a, pairs), self._nearest(b, pairs))]
@@ -256,20 +249,23 @@ def across(normal: Reals) -> tuple[Reals, Reals]:
     return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
-def _spread(pairs: Ints, points: Reals, normals: Reals) -> Ints:
+def _spread(pairs: Ints, points: Reals, normals: Reals) -> tuple[Ints, Ints, Ints]:
     """Of contacts (k,), at most so many of one pair of bodies with the same normal: two far apart, and on
-    either side the one farthest from the line through both, so that what they support stands as on all."""
-    kept, left = list[int](), np.ones(len(pairs), bool)
+    either side the one farthest from the line through both, so that what they support stands as on all;
+    those that are left out; and of the former, then of these, the first with the same normal."""
+    kept, left, faces = list[int](), np.ones(len(pairs), bool), np.zeros(len(pairs), np.int64)
     while left.any():
         first = int(left.argmax())
         same = np.abs(normals - normals[first]).max(axis=1) < ALONG
         alike = np.flatnonzero(left & (pairs == pairs[first]) & same)
-        left[alike] = False
+        left[alike], faces[alike] = False, first
         own = alike.tolist()
         if len(own) > MOST:
             own = [own[k] for k in _widest(points[alike], normals[first])]
         kept += own
-    return np.array(sorted(kept), np.int64)
+    some = np.array(sorted(kept), np.int64)
+    others = np.setdiff1d(np.arange(len(pairs)), some)
+    return some, others, faces[np.concatenate([some, others])]
 
 
 def _widest(points: Reals, normal: Reals) -> list[int]:

@@ -1,0 +1,1 @@
+"""Legs that trees propose, run on a rung, one by one."""
