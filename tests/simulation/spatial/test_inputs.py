@@ -116,3 +116,28 @@ def test_a_model_alone_has_its_actuators_as_inputs(tmp_path: Any) -> None:
     assert scene.template.inputs == ("lift",)
     found = run(scene, rw.DYNAMIC_RIGID, step=1e-2, inputs=[{"inputs": {"lift": 0.5}, "duration": 3.0}])
     assert q(found)[0] == pytest.approx(0.5 - 2.0 * 9.81 / 500.0, abs=1e-6)
+
+
+SLED = (
+    '<body name="b" pos="0 0 0.1"><joint name="x" type="slide" axis="1 0 0"/>'
+    '<geom type="box" size=".1 .1 .1" mass="2"/></body>'
+)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("onset", [0.7, 1.3, 2.1])
+@pytest.mark.parametrize("tol", [1e-5, 1e-7])
+@pytest.mark.parametrize("slope", [3.0, 30.0])
+def test_what_dry_friction_holds_slides_when_a_growing_force_exceeds_it(
+    make: Make, onset: float, tol: float, slope: float
+) -> None:
+    """Nothing moves before, so steps are long there; then m x'' = s t, x = s t^3 / 6 m from the onset on. Steps
+    whose estimated errors are tol, h^2 x'' / 4, are wrong by twice that; their sum is 2/3 t^(3/2) (s tol / m)^(1/2).
+    """
+    sled = SLED.replace('axis="1 0 0"', f'axis="1 0 0" frictionloss="{slope * onset}"')
+    motor = '<actuator><motor name="m" joint="x"/></actuator>'
+    scene = make(world(sled, after=motor), controls={"m": f"{slope} * t"}, goal="b.x >= 1e-3", duration=4)
+    found = run(scene, rw.DYNAMIC_RIGID, step=1e-3, tol=tol)
+    slid = (12e-3 / slope) ** (1 / 3)
+    error = 2.0 / 3.0 * slid**1.5 * (slope * tol / 2.0) ** 0.5
+    assert found.time == pytest.approx(onset + slid, abs=2.0 * error / (slope * slid**2 / 4.0))

@@ -10,6 +10,7 @@ short is a jam, or an end of support, if a certificate proves it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,45 +23,46 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
+from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
+from rungwise.simulation.core.overlap import least_allowed, open_added
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import (
     DRIVEN,
-    EXACT,
     LINEARISATIONS,
     NEAR,
-    OVERLAP,
     PAUSE,
     ROUNDING,
     SHORTER,
     SINKING,
 )
 from rungwise.simulation.core.update_state import accept, fill_pace, take_slots
-from rungwise.system.moving import Crowded, Moment, System, landing
+from rungwise.system.moving import Crowded, Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 ROUNDED = 4
 """Linearisations on the other rungs, where bodies that roll would overlap by curvature; chosen by trial."""
-UNSEEN = 1e-3
-"""Overlap over the system's length that a compliant step may have beyond what its linear contacts foresee."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over the farthest motion in the step."""
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
-SUNK = 0.2
-"""Deformation over the system's length beyond which long steps are halved: runs end where the model fails."""
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
+
+
+def nothing(_time: float, _h: float) -> None:
+    """What a system whose inputs do not change is told."""
 
 
 @dataclass
 class Stepper:
     """A run of `system` on `rung` in steps of length `step`; `theta` as in the theta rule.
 
+    Before a step of length h is tried, `tell(time, h)` gives the system its inputs in it.
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
@@ -75,6 +77,7 @@ class Stepper:
     rung: Rung
     step: float
     theta: float = 1.0
+    tell: Callable[[float, float], None] = nothing
     time: float = 0.0
     outcome: Code = Code.RUNNING
     certificate: Certificate | None = None
@@ -99,7 +102,8 @@ class Stepper:
     leapt: float = field(init=False, default=0.0)
     snaps: bool = field(init=False, default=False)
     _leaping: float = field(init=False, default=0.0)
-    _fell: Reals = field(init=False)
+    _fall: Fall = field(init=False)
+    _told: float = field(init=False, default=math.nan)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -120,11 +124,7 @@ class Stepper:
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace, self._keep_near = np.zeros(n), steady(fill_pace), steady(keep_near)
-        self._still = self._fell = np.zeros(n)
-        pulls = self._further is not None and self._further.pulls
-        weighs = self.rung.inertia == 1.0 and self.rung.loads and not (size.limited or pulls)
-        self._falls = self.system.falls if weighs and hasattr(self.system, "falls") else self._still
-        self._controls, self._may_fall = False, bool(self._falls.any())
+        self._fall = Fall(self.system, self.rung, self._further is not None and self._further.pulls)
         self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
         self.clock["limited"] = size.limited
         self.clock["surfaces"] = bool((self.terms.surface != APART).any())
@@ -150,7 +150,7 @@ class Stepper:
         To leading order the error of a step of first order is h |v' - v| / 2; a fall along a parabola has
         none. Where nothing moves farther than `tol` in the step, it is small enough.
         """
-        asked, landed, self._controls = False, False, tol < math.inf
+        asked, landed, self._fall.follows, self._told = False, False, tol < math.inf, math.nan
         planned = h = self._until_edge(h)
         while True:
             status, v = self._attempt(h)
@@ -163,9 +163,7 @@ class Stepper:
                     self._accept(h)
                     return max(wish, planned) if landed else wish
                 self.crawl.vote(BENT, -1)
-                pushes = self.scratch.contact_force[: self.contacts * self.system.size.directions]
-                flies = self._may_fall and not self.state.force.any()
-                lands = landing(self.terms, pushes, self.state.v, h) if flies else 0.0
+                lands = self._fall.lands(self._tried(h))
                 # What an impact changes does not shrink with the step.
                 h, landed = (max(lands, CAUTION * h * tol / error), True) if lands > 0.0 else (wish, landed)
                 continue
@@ -186,14 +184,14 @@ class Stepper:
         """The step, or less where a contact comes to the edge of a pull."""
         if self._further is None or not self._further.pulls:
             return h
-        self._drive()
+        self._begin(h)
         filled = self._fill(self.q, self.state.v, h, self._reach(h))
         return self._further.until_edge(self._tried(h)) if filled else h
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
         old = np.where(self.state.prescribed == 1, v, self.state.v)
-        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - self._fell - old))
+        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - self._fall.fell - old))
         return 0.5 * change, 0.5 * h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(old)))
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
@@ -201,7 +199,7 @@ class Stepper:
         self.attempts += 1
         self.crawl.attempts += 1
         self._cause, self._leaping, size = INSOLUBLE, 0.0, self.system.size
-        self._drive()
+        self._begin(h)
         self.clock["tried"] = h
         before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
         self._trial, reach, begins = self.q, self._reach(h), True
@@ -222,7 +220,7 @@ class Stepper:
                 reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
                 continue
             v = self.scratch.v_new.copy()
-            led = self._led(v, h)
+            led = self._fall.leads(self._tried(h), self.q, v)
             if way > size.thin and self.system.passes(self.q, led, h):
                 break
             self._trial = self.system.integrate(self.q, led, h)
@@ -232,19 +230,6 @@ class Stepper:
                 self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
         self._cause = OVERLAPPING
         return UNSOLVED, v
-
-    def _led(self, v: Reals, h: float) -> Reals:
-        """The velocities by which places go on in a step to v: where nothing touches in a step of controlled
-        length, weight leads along parabolas, whose chords leave none by more than things are thick."""
-        self._fell = self._still
-        if not self._may_fall or not self._controls:
-            return v
-        touches = self.scratch.contact_force[: self.contacts * self.system.size.directions].any()
-        bend = 0.25 * h * h * self.system.fastest(self.q, np.abs(self._falls))
-        if touches or bend > self.system.size.thin:
-            return v
-        self._fell = h * self._falls
-        return v - 0.5 * self._fell
 
     def _leads_far(self, way: float) -> bool:
         """Whether a step without momentum goes so far that it may leap."""
@@ -303,22 +288,19 @@ class Stepper:
         return Trial(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
 
     def _fits(self, v: Reals, h: float, way: float, before: float) -> bool:
-        """Whether things overlap no more at the end of a step to v than is allowed or was so `before`; on
-        compliant rungs than the contacts foresee, which are linear over a way."""
-        terms, size = self.terms, self.system.size
-        if self.rung.compliant:
-            if way <= STUCK * size.length:
-                return True
-            rows = terms.rows[: self.contacts * size.directions : size.directions]
-            foreseen = terms.gap[: self.contacts] + h * (rows @ v)
-            deepest = float(foreseen.min(initial=0.0))
-            if deepest < -SUNK * size.length and way > SINKING * size.length:
-                return False
-            least = deepest - UNSEEN * size.length
-        else:
-            allowed = (EXACT if self.rung.metric else OVERLAP) * size.length
-            least = min(before - float(terms.rounding[0]), -allowed)
+        """Whether things overlap no more at the end of a step to v than is allowed or was so `before`."""
+        size = self.system.size
+        if self.rung.compliant and way <= STUCK * size.length:
+            return True
+        least = least_allowed(self.rung, size, self._tried(h), v, way, before)
         return self.system.least_gap(self._trial) >= least
+
+    def _begin(self, h: float) -> None:
+        """Give the system its inputs in a step of length h."""
+        if h != self._told:
+            self.tell(self.time, h)
+            self._told = h
+        self._drive()
 
     def _drive(self) -> None:
         """Set which coordinates are free, and how fast the others move."""
@@ -355,7 +337,8 @@ class Stepper:
         self._take_slots(slots, fresh, state, terms, self.scratch)
         if trial is not self.q:
             terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
-            self._expel(terms.gap[:count], h)
+            if not (rung.compliant or rung.metric):
+                open_added(terms, count, h, self._deep)
         if self._further is not None:
             self._further.fill(self._tried(h), trial is self.q)
         if rung.inertia == 0.0:
@@ -363,15 +346,6 @@ class Stepper:
             terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
         np.subtract(terms.load, self.system.driving, out=state.passive)
         return True
-
-    def _expel(self, gap: Reals, h: float) -> None:
-        """Let overlap that the way to a trial place adds be gone at the end of the step. The models take a
-        `pause` for overlap, which is meant for what was there before."""
-        if self.rung.compliant or self.rung.metric:
-            return
-        added = gap < -max(self._deep, float(self.terms.rounding[0]))
-        slower = max(1.0, float(self.terms.pause[0]) / h)
-        gap[added] = slower * (gap[added] + self._deep) - self._deep
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time

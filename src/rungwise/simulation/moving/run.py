@@ -76,7 +76,7 @@ class MovingSimulation(Turns, Kind):
         self._next, state = self.step, given.state
         self._clock = Clock(self._segments, 0.0 if state is None else state.time, template.inputs, columns)
         self._scheduled = bool(self.inputs) and given.duration is None
-        self.stepper = Stepper(self.system, self.model, self.step, self.theta)
+        self.stepper = Stepper(self.system, self.model, self.step, self.theta, self._tell)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
         self._times = Times(self._values)
@@ -202,7 +202,6 @@ class MovingSimulation(Turns, Kind):
         if stepper.leapt > 0.0 and stepper.snaps_on(h):
             return h
         while True:
-            self._tell(stepper.time, h)
             wish = stepper.advance(h, self._tol)
             if values.is_asked:
                 values.read(stepper, self.system)

@@ -86,3 +86,17 @@ def _travel(model: mujoco.MjModel) -> Reals:
         if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_limited[j]:
             travel[model.jnt_bodyid[j]] += float(np.abs(model.jnt_range[j]).max())
     return travel
+
+
+def moved_by(model: mujoco.MjModel) -> Ints:
+    """The stretch (b, 2) of the velocities that may move each body: from the first of its mechanism to the
+    last of its own."""
+    found = np.zeros((model.nbody, 2), np.int64)
+    for body in range(1, model.nbody):
+        parent, count = model.body_parentid[body], model.body_dofnum[body]
+        first, end = found[parent]
+        if count:
+            end = model.body_dofadr[body] + count
+            first = first if found[parent, 1] else model.body_dofadr[body]
+        found[body] = first, end
+    return found

@@ -34,7 +34,7 @@ from rungwise.system.spatial.loads import Loads
 from rungwise.system.spatial.missed_contacts import Nearest
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import Passing, frames
-from rungwise.system.spatial.reach import fastest_point, reaches, vectors
+from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
 from rungwise.system.spatial.rims import Rims
 from rungwise.system.terms import Terms
@@ -372,20 +372,6 @@ class Space:
                 d.efc_J_rowadr, d.efc_J_rownnz, d.efc_J_colind, d.efc_J,
             )  # fmt: skip
         self._q = q
-
-
-def moved_by(model: mujoco.MjModel) -> Ints:
-    """The stretch (b, 2) of the velocities that may move each body: from the first of its mechanism to the
-    last of its own."""
-    found = np.zeros((model.nbody, 2), np.int64)
-    for body in range(1, model.nbody):
-        parent, count = model.body_parentid[body], model.body_dofnum[body]
-        first, end = found[parent]
-        if count:
-            end = model.body_dofadr[body] + count
-            first = first if found[parent, 1] else model.body_dofadr[body]
-        found[body] = first, end
-    return found
 
 
 def directions(model: mujoco.MjModel) -> int:
