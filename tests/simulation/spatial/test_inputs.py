@@ -131,8 +131,9 @@ SLED = (
 def test_what_dry_friction_holds_slides_when_a_growing_force_exceeds_it(
     make: Make, onset: float, tol: float, slope: float
 ) -> None:
-    """Nothing moves before, so steps are long there; then m x'' = s t, x = s t^3 / 6 m from the onset on. Steps
-    whose estimated errors are tol, h^2 x'' / 4, are wrong by twice that; their sum is 2/3 t^(3/2) (s tol / m)^(1/2).
+    """Nothing moves before, so steps are long there; then m x'' = s t, x = s t^3 / 6 m from the onset on.
+    Steps whose estimated errors are tol, h^2 x'' / 4, are wrong by twice that; their sum is
+    2/3 t^(3/2) (s tol / m)^(1/2).
     """
     sled = SLED.replace('axis="1 0 0"', f'axis="1 0 0" frictionloss="{slope * onset}"')
     motor = '<actuator><motor name="m" joint="x"/></actuator>'
