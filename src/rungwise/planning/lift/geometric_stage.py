@@ -40,18 +40,16 @@ class Placed(NamedTuple):
 def nowhere(work: Work, apart: bool = True) -> str:
     """Why the goal holds at no place that was found, in a line; empty where one was found, where places do
     not decide, or where very little is lacking. Bodies may overlap as far as contacts yield on compliant
-    rungs. Without `apart` overlaps do not count: narrow places are not found so."""
+    rungs. Without `apart` overlaps do not count."""
     q, seed, scene = work.start.q[0], work.seed, work.task.scene
     placing = Placing(work.task, scene, q, yields=True)
     if not placing.asks or placing.room.bound or jumps(scene.file.goal or ""):
         return ""
     in_time = work.budget.is_in_time
     found = placing.goals(np.random.default_rng(seed), in_time, apart=apart)
-    if not apart and (len(found.places) or found.lack < SURE):
-        return ""
     if len(found.places) or found.lack < SURE:
         reserved = Placing(work.task, work.task.search, q, yields=True).goals(
-            np.random.default_rng(seed), in_time
+            np.random.default_rng(seed), in_time, apart=apart
         )
         if len(reserved.places) or reserved.lack < SURE or not in_time():
             return ""

@@ -24,7 +24,7 @@ from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
-from rungwise.planning.modes.reach.planner import reach_in
+from rungwise.planning.modes.reach.planner import has_room, reach_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.plan import HELD, NOTHING, Plan, Record
@@ -119,7 +119,10 @@ def plan(
     work = begin(task, Budget(budget, limit), seed, threads)
     tell = on_progress or _silent
     found = Plan(loaded, task.parameters, seed=seed, version=installed(), reason="nothing was tried")
-    why = nowhere(work, apart=reach_in(work) is None)
+    arm = reach_in(work)
+    why = nowhere(work, apart=arm is None)
+    if arm is not None and not why and not has_room(work, arm):
+        why = nowhere(work)
     if why:
         return replace(found, reason=why)
     if initial is not None:

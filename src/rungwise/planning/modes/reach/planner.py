@@ -43,8 +43,10 @@ WAITS = 3
 REACH, ENTRIES, TRIED = "arm", "ways into the goal", "ways into the goal that were tried"
 """By which the arm, and the ways into the goal, are kept for all stages, and how many of these a stage
 tried."""
-DRAWN = "draws of places at the goal"
-"""By which their number is kept."""
+DRAWN, GOALS = "draws of places at the goal", "places at the goal"
+"""By which their number, and those that no way was sought to yet, are kept."""
+ROOMS = 2
+"""Draws of places at the goal after which it counts as one that nothing can reach without overlap."""
 NO_PLACE = "no place at the goal was found at which the arm overlaps nothing"
 NO_WAY_OUT = "no straight way out of the goal"
 NO_PATH = "no path for the arm to the goal"
@@ -97,10 +99,8 @@ def _approaches(work: Work, arm: Arm, tried: int) -> Iterator[Approach]:
         yield from known[tried:]
         return
     in_time, start = work.budget.is_in_time, work.start.q[0]
-    number = work.kept[DRAWN] = work.kept.get(DRAWN, -1) + 1
-    rng = np.random.default_rng([work.seed, number])
-    room = Room(arm, start)
-    goals = room.goals(rng, in_time)
+    room, goals = Room(arm, start), work.kept.pop(GOALS, [])
+    goals = goals or _goals(work, room)
     if not goals:
         work.failures[NO_PLACE] += 1
     for k, goal in enumerate(goals):
@@ -114,6 +114,22 @@ def _approaches(work: Work, arm: Arm, tried: int) -> Iterator[Approach]:
                 continue
             known.append(Approach(way, entry))
             yield known[-1]
+
+
+def has_room(work: Work, arm: Arm) -> bool:
+    """Whether a place at the goal was found at which nothing overlaps; the search begins with it."""
+    room = Room(arm, work.start.q[0])
+    for _ in range(ROOMS):
+        work.kept[GOALS] = _goals(work, room)
+        if work.kept[GOALS] or not work.budget.is_in_time():
+            return True
+    return False
+
+
+def _goals(work: Work, room: Room) -> list[Reals]:
+    """Places (n_q,) at the goal, others each time."""
+    number = work.kept[DRAWN] = work.kept.get(DRAWN, -1) + 1
+    return room.goals(np.random.default_rng([work.seed, number]), work.budget.is_in_time)
 
 
 class Reaching:
