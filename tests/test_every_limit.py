@@ -44,7 +44,7 @@ ARRAYS = {
     "split", "take", "touching", "volumes", "witness",
 }  # fmt: skip
 """A few array operations on what is known: time grows with what is given, and nothing is searched."""
-PICTURES = {"Design.plot", "LabelledSet.plot", "Run.plot"}
+PICTURES = {"Design.plot", "LabelledSet.plot", "AnyRun.plot", "Run.plot"}
 """Draw what is known."""
 QUICK = FILES | NAMES | ARRAYS
 

@@ -224,12 +224,13 @@ def test_steps_of_controlled_length_see_what_lasts_a_tenth_of_a_run(duration: fl
 def test_motions_part_from_a_hundredth_of_the_scene_on(
     apart: float, parts: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    course = SimpleNamespace(settings="")
+    course = SimpleNamespace(settings="", bound=SimpleNamespace(named=None), end=lambda: None)
     monkeypatch.setattr(replay, "_Course", lambda *_: course)
     states = [SimpleNamespace(q=None)] * 3
     monkeypatch.setattr(replay, "_followed", lambda *_: (states, "timeout", ""))
     monkeypatch.setattr(replay, "_apart", lambda *_: np.array([0.0, apart]))
     monkeypatch.setattr(replay, "_reasons", lambda *_: [])
+    monkeypatch.setattr(replay, "titles", lambda _: [])
     run: Any = object.__new__(SpaceRun)
     for name, value in (
         ("frames", [SimpleNamespace(time=float(k), q=None) for k in range(3)]),

@@ -30,6 +30,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "hand_turn": {},
     "micro_pick": {"bounds": {"v": (1e-9, 2e-4)}},
     "peg_in_hole": {},
+    "peg_arm": {},
     "planar_hand": {},
     "push": {},
     "shadow_hand": {},

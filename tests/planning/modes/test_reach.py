@@ -87,9 +87,9 @@ def gantry(tmp_path: Any) -> Any:
 
 def room_of(scene: Any, parameters: dict[str, float] | None = None) -> tuple[Arm, Room, Reals]:
     task = task_of(scene, parameters)
-    arm = arm_of(task)
-    assert arm is not None
     start = rw.State.of(scene, parameters=task.parameters).q
+    arm = arm_of(task, start)
+    assert arm is not None
     return arm, Room(arm, start), start
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.joints.chains import Chain, chain_of
-from rungwise.planning.motion.placements import placed_part
+from rungwise.planning.motion.free_paths import always
+from rungwise.planning.motion.placements import Placing, placed_part
 from rungwise.planning.task.task import Task
 from rungwise.scene.language.lasting import names_in
 from rungwise.world.carriers import Driven, Surroundings, TaskError, turn_of
@@ -21,6 +22,8 @@ ITERATIONS, LONGEST, DAMPING = 40, 0.2, 1e-6
 matrix."""
 DIFFERENCE, CLOSE = 1e-6, 1e-7
 """Change of joints for differences of poses; how near poses come, in parts of the size and in radians."""
+FREE = 6
+"""Velocities of a free body."""
 CROSSED = 0.2
 """Part of the scene's duration in which an input crosses its range that is given no rate."""
 
@@ -151,9 +154,10 @@ def _damped(matrix: Reals) -> Reals:
     return np.asarray(matrix.T @ np.linalg.inv(square + damping * np.eye(len(square))))
 
 
-def arm_of(task: Task) -> Arm | None:
-    """The arm of a task in space whose goal says where bodies are that inputs lead, by the targets of
-    servos of their joints; None where it does not, or where robots push objects by fingers or in transit."""
+def arm_of(task: Task, start: Reals) -> Arm | None:
+    """The arm of a task in space, from a place (n_q,) on, whose goal says where bodies are that inputs lead,
+    by the targets of servos of their joints; None where it does not, where robots push objects by fingers or
+    in transit, or where free bodies have to be elsewhere, to which reaching does not bring them."""
     world, goal = world_of(task.scene), placed_part(task.scene.file.goal or "")
     if world.shapes != SOLIDS or goal is None or task.carriers or task.scene.file.task.fingers:
         return None
@@ -172,6 +176,9 @@ def arm_of(task: Task) -> Arm | None:
         return None
     owners = [bodies[owner] for owner in around.owners.tolist()]
     objects = [k for k, name in enumerate(owners) if roles[name] == OBJECT and name in names]
+    free = [k for k in objects if owners.count(owners[k]) == FREE]
+    if free and not _holds_with(task, start, np.setdiff1d(np.arange(len(owners)), free)):
+        return None
     bounds = [_bounds(task, chain, driven) for chain, driven in led]
     low, high, rates = (np.concatenate(each) for each in zip(*bounds, strict=True))
     return Arm(
@@ -185,6 +192,13 @@ def arm_of(task: Task) -> Arm | None:
         high,
         rates,
     )
+
+
+def _holds_with(task: Task, start: Reals, loose: Ints) -> bool:
+    """Whether a place at the goal was found to which these velocities (k,) alone lead, overlaps aside."""
+    placing = Placing(task, task.scene, start, loose=loose)
+    found = placing.goals(np.random.default_rng(0), always, apart=False)
+    return len(found.places) > 0
 
 
 def _chains(task: Task, roles: dict[str, str]) -> list[tuple[Chain, Driven]]:

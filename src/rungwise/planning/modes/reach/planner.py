@@ -43,7 +43,7 @@ WAITS = 3
 REACH, ENTRIES, TRIED = "arm", "ways into the goal", "ways into the goal that were tried"
 """By which the arm, and the ways into the goal, are kept for all stages, and how many of these a stage
 tried."""
-DRAWN, GOALS = "draws of places at the goal", "places at the goal"
+DRAWN, GOALS = "draws of places at the goal", "places of the arm at the goal"
 """By which their number, and those that no way was sought to yet, are kept."""
 ROOMS = 2
 """Draws of places at the goal after which it counts as one that nothing can reach without overlap."""
@@ -73,7 +73,7 @@ class Node(NamedTuple):
 def reach_in(work: Work) -> Arm | None:
     """The arm of a task whose goal asks where a robot's own body is, sought once; None where it does not."""
     if REACH not in work.kept:
-        work.kept[REACH] = arm_of(work.task)
+        work.kept[REACH] = arm_of(work.task, work.start.q[0])
     found: Arm | None = work.kept[REACH]
     return found
 
