@@ -166,10 +166,13 @@ def test_a_contact_about_which_others_turn_rubs_little_more_than_these(slip: flo
 
 
 class Line:
-    """An object on a line, led by legs to 1, 2 and 3; the runs of some fall short."""
+    """An object on a line, led by legs to 1, 2 and 3; some runs, by their numbers, fall short, or fail."""
 
-    def __init__(self, short: dict[int, float], lost: tuple[int, ...] = ()) -> None:
-        self.short, self.lost, self.runs, self.led_on = short, lost, list[float](), 0
+    def __init__(
+        self, short: dict[int, float], lost: tuple[int, ...] = (), failing: tuple[int, ...] = ()
+    ) -> None:
+        self.short, self.lost, self.failing = short, lost, failing
+        self.runs, self.led_on = list[float](), 0
         self.work: Any = SimpleNamespace(
             task=SimpleNamespace(size=1.0, moves=(1, 9)), failures=Counter[str](), grown=Counter[str](),
             start=SimpleNamespace(q=np.zeros((1, 1))), rng=np.random.default_rng(0),
@@ -204,6 +207,8 @@ class Line:
     def _ran(self, _node: Any, begun: Begun, _manner: Manner) -> Any:
         end = float(begun.leg.way.places[-1][0])
         self.runs.append(end)
+        if len(self.runs) in self.failing:
+            return None
         at = end - self.short.pop(len(self.runs), 0.0)
         return self.node(at, Code.GOAL if abs(at - 3.0) < 0.1 else Code.MISSED)
 
@@ -246,3 +251,28 @@ def test_a_leg_that_nothing_joins_ends_the_tree(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(in_turn, "propose", lambda *_: None)
     assert line.run() is None and line.runs == [1.0]
     assert list(line.work.failures) == ["no leg from where the object is"]
+
+
+def test_a_leg_whose_run_fails_is_joined_by_a_small_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As often as the tree has legs, from where the object was before, and the rest of it is kept."""
+    begun = list[tuple[float, float]]()
+
+    def proposed(_ground: Any, q: Reals, _home: Any, goals: Reals, *_: Any) -> list[Leg]:
+        begun.append((float(q[0]), float(goals[0, 0])))
+        return [line.leg_to(1.5), line.leg_to(2.0)] if len(begun) == 1 else [line.leg_to(2.0)]
+
+    monkeypatch.setattr(in_turn, "propose", proposed)
+    line = Line({}, failing=(2, 4))
+    assert line.run() == "found"
+    assert line.runs == [1.0, 2.0, 1.5, 2.0, 2.0, 3.0] and begun == [(1.0, 2.0), (1.5, 2.0)]
+    begun.clear()
+    line = Line({}, failing=tuple(range(2, 99)))
+    assert line.run() is None and len(begun) == 3
+    assert list(line.work.failures) == ["no leg from where the object is"]
+
+
+def test_a_leg_whose_run_fails_as_it_is_led_on_is_joined_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = Line({2: 0.4}, failing=(3,))
+    monkeypatch.setattr(in_turn, "propose", lambda *_: [line.leg_to(2.0)])
+    assert line.run() == "found"
+    assert line.runs == [1.0, 2.0, 2.0, 2.0, 3.0] and line.led_on == 1

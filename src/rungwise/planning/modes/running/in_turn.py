@@ -19,8 +19,9 @@ DRIFTED = 0.15
 SOONER = 2
 """How many legs of a tree on a course may be left out at a time."""
 LED_ON, JOINED, JOINING = 2, 3, 12
-"""How often a leg is led on whose object is not where it was to be; how often, in one tree, small ones lead
-to the end of a leg that cannot be made from there, and their rounds."""
+"""How often a leg is led on whose object is not where it was to be; how often in one tree, or once for each
+of its legs, where these are more, small ones lead to the end of a leg that cannot be made, or run, from where
+the object is, and their rounds."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,12 @@ class InTurn:
         self, node: Node, ground: Ground, legs: list[Leg], manner: Manner, sooner: bool
     ) -> Found | None:  # fmt: skip
         """Run legs of a tree one by one from a node. A leg whose object is not where it was to be is led on;
-        where the next one cannot be made from there, a small tree leads to its end, and the rest is kept."""
+        where the next one cannot be made from there, or run, a small tree leads to its end, and the rest is
+        kept."""
         work, scene, near, q = self.work, self.scene, DRIFTED * self.work.task.size, node.places.q[0]
         vectors = [scene.vector(ground, leg, manner) for leg in legs]
-        ends, k, led, joined = [leg.way.places[-1] for leg in legs], 0, 0, 0
+        ends, k, led = [leg.way.places[-1] for leg in legs], 0, 0
+        joins_left = max(JOINED, len(legs))
         made: Begun | None = Begun(ground, ground.look(q), legs[0])
         while k < len(legs):
             if sooner and not led:
@@ -50,18 +53,17 @@ class InTurn:
                 k += 1
                 continue
             made = made or scene.leg(q, vectors[k], manner, self.look)
-            if made is None and not led:
-                joined += 1
-                joins = self._joining(ground, node, ends[k], manner) if joined <= JOINED else None
+            after = None if made is None else self.ran(node, made, manner)
+            if after is None and (made is not None or not led):
+                joins = self._joining(ground, node, ends[k], manner) if joins_left else None
                 if joins is None:
                     work.failures["no leg from where the object is"] += 1
                     return None
                 legs[k : k + 1], made = joins, Begun(ground, ground.look(q), joins[0])
                 vectors[k : k + 1] = [scene.vector(ground, leg, manner) for leg in joins]
                 ends[k : k + 1] = [*(leg.way.places[-1] for leg in joins[:-1]), ends[k]]
-            after = None if made is None else self.ran(node, made, manner)
-            if made is not None and after is None:
-                return None
+                joins_left, led = joins_left - 1, 0
+                continue
             node, made = after or node, None
             q = node.places.q[0]
             if node.outcome == Code.GOAL:
