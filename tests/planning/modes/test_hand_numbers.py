@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,17 +10,12 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.outcome import Code
 from rungwise.planning.modes.hands import cycles, gaits
 from rungwise.planning.modes.hands.cycles import Cycles, Stance, Wish, wish
 from rungwise.planning.modes.hands.hand import Hand, hand_of
 from rungwise.planning.modes.hands.press import held, is_led, pressing, rests, targets
-from rungwise.planning.modes.hands.touch import AWRY, SURE, closed, followed, is_clear, turned
-from rungwise.planning.motion.budget import Budget
-from rungwise.planning.search.layout import Course, counts_of, going_on
-from rungwise.planning.search.problem import begin
+from rungwise.planning.modes.hands.touch import closed, followed, is_clear
 from rungwise.planning.task.task import task_of
-from rungwise.simulation.inputs import Segment
 from rungwise.world.find import world_of
 from tests.planning.members import unnamed_hand
 
@@ -472,94 +465,7 @@ def test_trees_of_cycles_may_grow_deeper_than_a_plan(most: int, monkeypatch: pyt
     monkeypatch.setattr(gaits, "goals_of", lambda _: np.zeros((1, 1)))
     task = stub(before=NONE, moves=(1, most))
     work: Any = stub(
-        kept={}, task=task, seed=0, moves=stub(size=1), start=None, whole=None, came_near=lambda *_: None
+        kept={}, task=task, seed=0, moves=None, start=None, whole=None, came_near=lambda *_: None
     )  # fmt: skip
     assert gaits.by_hand(work, stub(), stub(fingers=[])) is None
     assert given[0] == most and given[1] >= 2 * most
-
-
-def _boxed(folder: Path, half: float, tip: float) -> tuple[Hand, Reals]:
-    """Three tips of this radius beside a box, which stands on the floor."""
-    own = Path(rw.__file__).parent / "scene" / "library" / "space"
-    text = (own / "ball_turn.xml").read_text().replace('size="0.012"', f'size="{tip}"')
-    ball = 'name="ball" size="0.04"'
-    assert text.count(ball) == 1
-    (folder / "ball_turn.xml").write_text(
-        text.replace(ball, f'name="ball" type="box" size="{half} {half} 0.04"')
-    )
-    (folder / "boxed.yaml").write_text((own / "ball_turn.yaml").read_text())
-    return _hand(rw.load(folder / "boxed.yaml"))
-
-
-@pytest.mark.parametrize(("half", "tip"), [(0.04, 0.002), (0.03, 0.002), (0.05, 0.001)])
-def test_touches_of_faces_are_sure_and_those_of_sharp_edges_are_not(
-    half: float, tip: float, tmp_path: Path
-) -> None:
-    hand, q = _boxed(tmp_path, half, tip)
-    finger, rng, away = hand.fingers[0], np.random.default_rng(0), tip + 1e-5
-    (body,) = finger.bodies
-    beside = AWRY * hand.size
-
-    def unsure(at: tuple[float, float, float]) -> float:
-        home = finger.chain.joints(q) - hand.around.poses(q)[body][:3]
-        return turned(hand, finger.posed(q, home + np.array(at)), finger.touching[0])
-
-    for _ in range(6):
-        y, z = rng.uniform(-1.0, 1.0, 2) * np.array([half - 2.0 * beside, 0.04 - 2.0 * beside])
-        assert unsure((-half - away, y, 0.04 + z)) < 0.3 * SURE
-        turn = rng.uniform(0.5, 1.0)
-        x, y = -half - away * np.sin(turn), half + away * np.cos(turn)
-        assert unsure((x, y, 0.04 + z)) > SURE
-
-
-@pytest.mark.parametrize("few", [0, 3])
-def test_fingers_touch_where_they_do_so_surely_if_they_can(few: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the postures that are drawn so many, or none, are sure."""
-    made = list[cycles.Touch]()
-
-    def touches(*_: Any) -> cycles.Touch:
-        made.append(cycles.Touch(0, np.zeros((3, 2)), 0.0 if len(made) < few else 2.0 * SURE))
-        return made[-1]
-
-    monkeypatch.setattr(cycles, "closed", lambda _hand, _finger, q, _pair: q)
-    monkeypatch.setattr(cycles, "is_clear", lambda *_: True)
-    monkeypatch.setattr(Cycles, "_touch", touches)
-    finger = stub(
-        chain=stub(joints=lambda q: q), low=np.zeros(2), high=np.ones(2), touching=(0,),
-        posed=lambda _q, joints: joints,
-    )  # fmt: skip
-    hand: Any = stub(fingers=[finger], around=stub(near=lambda *_: stub(gap=1.0)), size=1.0)
-    found = Cycles(hand, np.zeros(2))._pool(0, np.zeros(2), Wish(np.zeros(1), 4), np.random.default_rng(0))
-    assert len(made) > 30 and len(found) == (few or len(made))
-
-
-@pytest.mark.parametrize(("unsure", "holds"), [(0.0, True), (0.6, False), (1.5, False)])
-def test_forces_do_not_count_on_friction_that_is_unsure(unsure: float, holds: bool) -> None:
-    contacts = [(_pushes((-x, -0.3 * x), (x, 0.0)), 0.5) for x in (1.0, -1.0)]
-    assert (held(_held_thing(contacts), NONE, [0, 1], 1.0, None, [unsure] * 2).off < 1e-6) == holds
-
-
-@pytest.mark.parametrize("part", [0.3, 1.2])
-def test_a_plan_goes_on_after_the_goal_with_the_rest_of_its_move_and_its_cycle(part: float) -> None:
-    """A plan of two moves, of which the second was ended early, or waited for; and two that are left."""
-    work = begin(task_of(unnamed_hand(0.5, 40)), Budget(10, None), 0, 1)
-    vectors, names = np.random.default_rng(0).random((4, work.moves.size)), work.task.scene.template.inputs
-    levels, rows = work.task.before[None], list[tuple[Reals, float, bool]]()
-    for vector in vectors:
-        own = work.moves.segments_of(vector[None], work.start, levels)
-        rows += zip(own.levels[0], own.durations[0].tolist(), own.ramps, strict=True)
-        levels = own.levels[:, -1]
-    whole = [
-        Segment(dict(zip(names, row.tolist(), strict=True)), took, None, ramp) for row, took, ramp in rows
-    ]
-    ended = replace(whole[3], duration=part * whole[3].duration)
-    course = Course(
-        (*whole[:3], ended), ("change", "hold") * 2, (2, 2), (work.start,) * 2, levels[0], 0.0, Code.GOAL
-    )
-    found = going_on(work.moves, course, vectors[1:])
-    expected = [each.duration for each in whole]
-    expected[3] *= max(part, 1.0)
-    assert [each.duration for each in found.segments] == expected
-    assert [each.inputs for each in found.segments] == [each.inputs for each in whole]
-    assert found.counts == counts_of(found.labels) == (2, 2, 2, 2) and len(found.places) == 4
-    np.testing.assert_allclose(found.levels, levels[0])

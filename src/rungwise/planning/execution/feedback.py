@@ -101,7 +101,7 @@ class Moves:
             if not work.budget.left:
                 return
             if self._hand is not None and number % 2 == 0:
-                cycles, way, _ = cycled(work, self._nominal, self._hand, levels, number)
+                cycles, way = cycled(work, self._nominal, self._hand, levels, number)
                 if cycles is not None:
                     yield cycles, way
                 continue

@@ -170,10 +170,6 @@ def _replayed(work: Work, predictor: Predictor, before: Before) -> Course | None
         counts.append(count)
         if outcome not in GOES_ON:
             break
-    if outcome == Code.GOAL and not before.is_by_modes and hand_in(work) is not None:
-        # A hand goes on after the goal, for runs in which the object lags.
-        places += [now] * (len(before.counts) - len(counts))
-        counts, done = list(before.counts), len(before.segments)
     return Course(
         before.segments[:done], before.labels[:done], tuple(counts), tuple(places),
         np.array(list(level.values())), drives, outcome,

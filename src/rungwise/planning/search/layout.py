@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -117,36 +117,6 @@ def lay_out(
             break
         now = run.places
     return Course(tuple(segments), tuple(labels), tuple(counts), tuple(places), levels[0], work, outcome)
-
-
-def going_on(moves: Moves, course: Course, vectors: Reals) -> Course:
-    """A course without carriers that came to the goal, with the rest of its last move, `vectors` (k, d) from
-    that move on, and those after it: a run ends with the goal, and one in which the object lags goes on."""
-    names, done = moves.task.scene.template.inputs, len(course.segments) - course.counts[-1]
-    segments, labels = list(course.segments[:done]), list(course.labels[:done])
-    counts, level = list(course.counts[:-1]), dict(zip(names, moves.task.before.tolist(), strict=True))
-    for segment in segments:
-        level |= segment.inputs
-    levels = np.array([list(level.values())])
-    for number, vector in enumerate(vectors):
-        own = moves.segments_of(vector[None], course.places[-1], levels)
-        if not moves.task.allows(own.levels).all():
-            break
-        rows, words = list(zip(own.levels[0], own.durations[0], own.ramps, strict=True)), _labels(moves)
-        added = [
-            Segment(dict(zip(names, row.tolist(), strict=True)), float(took), None, ramp)
-            for row, took, ramp in rows
-        ]
-        ran = course.segments[done:]
-        if number == 0 and sum(each.duration for each in ran) >= sum(each.duration for each in added):
-            added, words = list(ran), list(course.labels[done:])
-        segments, labels, counts = segments + added, labels + words[: len(added)], [*counts, len(added)]
-        levels = own.levels[:, -1]
-    later = (course.places[-1],) * (len(counts) - len(course.counts))
-    return replace(
-        course, segments=tuple(segments), labels=tuple(labels), counts=tuple(counts),
-        places=course.places + later, levels=levels[0],
-    )  # fmt: skip
 
 
 def _labels(moves: Moves) -> list[str]:

@@ -15,7 +15,7 @@ POSTURES, NEARBY, SPREAD = 12, 0.6, 0.25
 """Postures of each finger that are drawn; part of them that lies near those that it has, or had at the start;
 and how far about these, in parts of the range of its joints."""
 ENOUGH, DRAWS = 4, 60
-"""Sure postures from which a finger follows the object, until which more are drawn; and how many at most."""
+"""Postures from which a finger follows the object, until which more are drawn, and how many at most."""
 STEP, STEPS = 0.08, 16
 """How far the object goes in a step, in parts of its size, or radians; and most steps."""
 SETS, KEEPS = 60, 0.4
@@ -40,16 +40,6 @@ class Stance(NamedTuple):
     touches: dict[int, Touch]
     stays: frozenset[int]
     steps: int
-
-    @property
-    def pairs(self) -> list[int]:
-        """The contacts of the touches."""
-        return [touch.pair for touch in self.touches.values()]
-
-    @property
-    def unsure(self) -> list[float]:
-        """The parts of their friction on which touches cannot count."""
-        return [touch.unsure for touch in self.touches.values()]
 
 
 class Wish(NamedTuple):
@@ -95,8 +85,7 @@ class Cycles:
         return found
 
     def _pool(self, f: int, q: Reals, wanted: Wish, rng: np.random.Generator) -> list[tuple[bool, Touch]]:
-        """Where a finger may touch the object: where it does already (then True), and elsewhere; only surely,
-        if it can."""
+        """Where a finger may touch the object: where it does already (then True), and elsewhere."""
         hand, finger = self.hand, self.hand.fingers[f]
         found = list[tuple[bool, Touch]]()
         now = finger.chain.joints(q)
@@ -107,7 +96,7 @@ class Cycles:
                     found.append((True, self._touch(f, place, pair, wanted)))
         span = finger.high - finger.low
         for k in range(DRAWS):
-            if k >= POSTURES and sum(touch.steps > 0 and touch.is_sure for _, touch in found) >= ENOUGH:
+            if k >= POSTURES and sum(touch.steps > 0 for _, touch in found) >= ENOUGH:
                 break
             middle = (self._home[f], now)[k % 2]
             near = middle + SPREAD * span * rng.standard_normal(len(span))
@@ -117,8 +106,7 @@ class Cycles:
             place = closed(hand, finger, begun, pair)
             if place is not None and is_clear(hand, finger, place, pair):
                 found.append((False, self._touch(f, place, pair, wanted)))
-        found = [own for own in found if own[1].steps > 0]
-        return [own for own in found if own[1].is_sure] or found
+        return [own for own in found if own[1].steps > 0]
 
     def _touch(self, f: int, q: Reals, pair: int, wanted: Wish) -> Touch:
         return followed(
@@ -158,9 +146,9 @@ class Cycles:
         """How well fingers lead the object after so many steps, 1 at best: less by what is out of balance, in
         parts of its load, and where they leave it other motions."""
         place = self._placed(q, stance, wanted, step)
-        pairs, unsure = stance.pairs, stance.unsure
+        pairs = [touch.pair for touch in stance.touches.values()]
         press = loaded(self.hand, place) or 1.0
-        off = held(self.hand, place, pairs, press, wanted.change, unsure).off
+        off = held(self.hand, place, pairs, press, wanted.change).off
         return 1.0 - off - (0.0 if is_led(self.hand, place, pairs, wanted.change) else LOOSE)
 
     def _placed(self, q: Reals, stance: Stance, wanted: Wish, step: int) -> Reals:
@@ -265,9 +253,8 @@ class Cycles:
     def _pressed(self, q: Reals, stance: Stance, wanted: Wish, step: int, press: float) -> dict[int, Reals]:
         """Targets of the fingers that touch, after so many steps."""
         place = self._placed(q, stance, wanted, step)
-        forces = held(
-            self.hand, place, stance.pairs, press, wanted.change if step else None, stance.unsure
-        ).forces  # fmt: skip
+        pairs = [touch.pair for touch in stance.touches.values()]
+        forces = held(self.hand, place, pairs, press, wanted.change if step else None).forces
         return {
             f: targets(self.hand, self.hand.fingers[f], place, touch.pair, force)
             for (f, touch), force in zip(stance.touches.items(), forces, strict=True)

@@ -4,7 +4,6 @@ move by move; what lacks least is gone on from."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from rungwise.planning.motion.moves import Moves
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import Predictor
 from rungwise.planning.search.goals import goals_of
-from rungwise.planning.search.layout import going_on
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.tree import Tree, grow
 from rungwise.planning.task.task import Task
@@ -31,15 +29,6 @@ HAND, TREES_BY_HAND = "hand", "trees by hand"
 """By which the hand, and the number of the last tree, are kept for all stages."""
 
 
-class Cycled(NamedTuple):
-    """A tree of cycles, None where no place at the goal is known; its moves (k, d) to the goal, (0, d) if
-    there are none; and those (r, d) that are left of the last cycle."""
-
-    tree: Tree | None
-    way: Reals
-    left: Reals
-
-
 def hand_in(work: Work) -> Hand | None:
     """The hand of a task whose goal speaks of places, sought once; None where there is none."""
     if HAND not in work.kept:
@@ -50,30 +39,26 @@ def hand_in(work: Work) -> Hand | None:
 
 
 def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
-    """A plan of cycles by one more tree; its last cycle is whole, for runs in which the object lags. Raises
-    TimeOver."""
+    """A plan of cycles by one more tree. Raises TimeOver."""
     number = work.kept[TREES_BY_HAND] = work.kept.get(TREES_BY_HAND, -1) + 1
-    _, way, left = cycled(work, predictor, hand, work.task.before, number)
+    _, way = cycled(work, predictor, hand, work.task.before, number)
     if not len(way):
         return None
     course = laid(work, predictor, way)
     if course.reached:
-        last = len(course.counts) - 1
-        vectors = np.vstack([way, left]) if last == len(way) - 1 else way[: last + 1]
-        course = going_on(work.moves, course, vectors[last:])
-        return Found(course, vectors[: len(course.counts)])
+        return Found(course, way[: len(course.counts)])
     work.unlaid += 1
     return None
 
 
 def cycled(
     work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int
-) -> Cycled:  # fmt: skip
-    """The tree of cycles of this number from where the work starts, after inputs `levels` (u,). Raises
+) -> tuple[Tree | None, Reals]:  # fmt: skip
+    """The tree of cycles of this number from where the work starts, after inputs `levels` (u,); None where no
+    place at the goal is known. And its moves (k, d) to the goal, (0, d) if there are none. Raises
     TimeOver."""
-    none = np.zeros((0, work.moves.size))
     if not len(goals_of(work)):
-        return Cycled(None, none, none)
+        return None, np.zeros((0, work.moves.size))
     gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
     try:
         gaits.tree, way = grow(
@@ -84,8 +69,7 @@ def cycled(
         if gaits.tree is not None:
             best = int(gaits.tree.lack.argmin())
             work.came_near(float(gaits.tree.lack[best]), gaits.tree.q[best])
-    left = gaits.left(way[-1]) if len(way) else []
-    return Cycled(gaits.tree, way, np.array(left).reshape(-1, work.moves.size))
+    return gaits.tree, way
 
 
 @dataclass
@@ -131,11 +115,6 @@ class Gaits:
             nodes.append(own.node)
             vectors.append(own.left[0])
         return np.array(nodes, np.int64), np.array(vectors).reshape(-1, moves.size)
-
-    def left(self, vector: Reals) -> list[Reals]:
-        """The moves that are left of the cycle of which this move (d,) was made last."""
-        key = vector.tobytes()
-        return next((own.left[1:] for own in self._running if own.key == key), [])
 
     def _go_on(self, tree: Tree, deepest: int) -> None:
         """Find the nodes to which the last moves led; cycles that led to none, or are over, are left."""

@@ -60,13 +60,6 @@ class Hand:
     size: float
 
 
-def units_of(hand: Hand) -> Reals:
-    """The size where the object turns, 1 where it moves (n_o,)."""
-    count = len(hand.columns)
-    moves = min(hand.around.dimension, count) if count in (3, 6) else count
-    return np.where(np.arange(count) < moves, 1.0, hand.size)
-
-
 def hand_of(task: Task) -> Hand | None:
     """The hand of a task; None where it has fewer than two fingers that may touch an object of which the
     goal speaks, or where some input leads none of them."""

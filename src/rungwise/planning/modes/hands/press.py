@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.forces.cones import ring_of
-from rungwise.planning.modes.hands.hand import Finger, Hand, units_of
+from rungwise.planning.modes.hands.hand import Finger, Hand
 
 KEPT = 0.8
 """The part of friction that is counted on."""
@@ -36,20 +36,16 @@ class Hold(NamedTuple):
     off: float
 
 
-def held(
-    hand: Hand, q: Reals, pairs: list[int], press: float, change: Reals | None = None,
-    unsure: list[float] | None = None,
-) -> Hold:  # fmt: skip
+def held(hand: Hand, q: Reals, pairs: list[int], press: float, change: Reals | None = None) -> Hold:
     """Forces of contacts of fingers at a place (n_q,) that, with what supports the object, balance its load
     best while each presses (non-negative least squares); while the object changes so (n_v,), where that is
-    given; of the angle of friction of each contact without the part that is `unsure`."""
-    around, units = hand.around, units_of(hand)
+    given."""
+    around, units = hand.around, _units(hand)
     columns, owners = list[Reals](), list[int]()
     ways = list[Reals]()
     nears = [around.near(q, pair) for pair in pairs]
     for k, near in enumerate(nears):
-        friction = near.friction if unsure is None else _left(near.friction, unsure[k])
-        for edge in _edges(len(near.rows), friction):
+        for edge in _edges(len(near.rows), near.friction):
             columns.append(edge @ near.rows[:, hand.columns] / units)
             owners.append(k)
             ways.append(edge)
@@ -77,7 +73,7 @@ def rests(hand: Hand, q: Reals, pairs: list[int], press: float) -> bool:
 
 def loaded(hand: Hand, q: Reals) -> float:
     """The load of the object at a place (n_q,), as a force at its size."""
-    return float(np.linalg.norm(hand.around.loads(q)[hand.columns] / units_of(hand)))
+    return float(np.linalg.norm(hand.around.loads(q)[hand.columns] / _units(hand)))
 
 
 def is_led(hand: Hand, q: Reals, pairs: list[int], change: Reals) -> bool:
@@ -86,7 +82,7 @@ def is_led(hand: Hand, q: Reals, pairs: list[int], change: Reals) -> bool:
     rows = [hand.around.near(q, pair).rows[:, hand.columns] for pair in pairs]
     for support in _carrying(hand, q, change):
         rows.append(support.rows[: None if support.slides is None else 1, hand.columns])
-    singular = np.linalg.svd(np.vstack(rows) / units_of(hand), compute_uv=False)
+    singular = np.linalg.svd(np.vstack(rows) / _units(hand), compute_uv=False)
     return len(singular) == len(hand.columns) and bool(singular[-1] > LEAST_LED * singular[0])
 
 
@@ -95,7 +91,7 @@ def _lies(hand: Hand, q: Reals, load: float) -> bool:
     rows = _supports(hand, q, None)
     if not len(rows):
         return False
-    _, off = nnls(rows.T, -hand.around.loads(q)[hand.columns] / units_of(hand))
+    _, off = nnls(rows.T, -hand.around.loads(q)[hand.columns] / _units(hand))
     return bool(off < CARRIED * load)
 
 
@@ -118,7 +114,7 @@ def _carrying(hand: Hand, q: Reals, change: Reals | None) -> list[Support]:
             found.append(Support(rows, friction, None))
             continue
         way = rows @ change
-        least, speed = SLIDES * np.linalg.norm(units_of(hand) * change[hand.columns]), np.linalg.norm(way[1:])
+        least, speed = SLIDES * np.linalg.norm(_units(hand) * change[hand.columns]), np.linalg.norm(way[1:])
         if way[0] <= least:
             found.append(Support(rows, friction, way[1:] / speed if speed > least else None))
     return found
@@ -132,7 +128,7 @@ def _supports(hand: Hand, q: Reals, change: Reals | None) -> Reals:
         edges = _edges(len(rows), friction)
         if slides is not None:
             edges = np.array([[1.0, *(-friction * slides)]])
-        found.append(edges @ rows[:, hand.columns] / units_of(hand))
+        found.append(edges @ rows[:, hand.columns] / _units(hand))
     return np.vstack(found)
 
 
@@ -159,12 +155,14 @@ def pressing(hand: Hand, finger: Finger, q: Reals, pair: int, deflection: float)
     return float(1.0 / max(float(yields.max()) / deflection, float(strength.max()), 1e-12))
 
 
-def _left(friction: float, unsure: float) -> float:
-    """Friction without a part of its angle."""
-    return float(np.tan(np.arctan(friction) * max(1.0 - unsure, 0.0)))
-
-
 def _edges(dimension: int, friction: float) -> Reals:
     """Forces (e, d) along the edges of a cone: along the normal, and across it."""
     ring = ring_of(dimension - 1)
     return np.column_stack([np.ones(len(ring)), KEPT * friction * ring])
+
+
+def _units(hand: Hand) -> Reals:
+    """The size where an object turns, 1 where it moves (n_o,)."""
+    count = len(hand.columns)
+    moves = min(hand.around.dimension, count) if count in (3, 6) else count
+    return np.where(np.arange(count) < moves, 1.0, hand.size)

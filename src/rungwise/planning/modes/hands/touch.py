@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.modes.hands.hand import Finger, Hand, units_of
+from rungwise.planning.modes.hands.hand import Finger, Hand
 from rungwise.planning.modes.joints.inverse_kinematics import damped, no_leap
 from rungwise.world.carriers import Near
 
-NO_FRICTION = 1e-9
-"""Angle of friction that counts as none."""
 CLOSES = 12
 """Steps in which a finger closes on an object."""
 CLOSED = 1e-3
@@ -21,29 +19,19 @@ SLIPS = 0.25
 """Part of the way of an object's point by which a finger may fall behind it."""
 HOME = 0.1
 """Part of the way to their posture at the start that joints go in each step where nothing else moves them."""
-AWRY, LOOKED, SURE = 0.05, 3, 0.5
-"""How far beside its place an object may lie, in parts of its size, or radians; at how many steps of a touch
-it is looked at what that changes; and by what part of the angle of friction normals may then turn."""
 
 
 class Touch(NamedTuple):
-    """A finger that touches the object: the contact; joints (s + 1, k) as the object goes on its way in
-    steps, as far as the finger follows; and by what part of the angle of friction its normal turns at most
-    where the object lies slightly elsewhere."""
+    """A finger that touches the object: the contact, and joints (s + 1, k) as the object goes on its way in
+    steps, as far as the finger follows."""
 
     pair: int
     joints: Reals
-    unsure: float = 0.0
 
     @property
     def steps(self) -> int:
         """How many steps it follows."""
         return len(self.joints) - 1
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether it holds nearly as well where the object lies slightly elsewhere."""
-        return self.unsure <= SURE
 
 
 def closed(hand: Hand, finger: Finger, q: Reals, pair: int, gap: float = 0.0) -> Reals | None:
@@ -79,7 +67,7 @@ def followed(
 ) -> Touch:
     """A finger that touches the object at a place (n_q,), as the object is changed by (n_v,) in steps: it
     rolls on the object, with joints near `home` (k,), until it cannot follow."""
-    part, found, places = change / steps, [finger.chain.joints(q)], [q]
+    part, found = change / steps, [finger.chain.joints(q)]
     for _ in range(steps):
         near = hand.around.near(q, pair)
         own, way = _own(finger, near, q), near.rows @ part
@@ -99,22 +87,7 @@ def followed(
         if slip > allowed or gap > 2.0 * CLOSED * hand.size or not is_clear(hand, finger, q, pair):
             break
         found.append(joints)
-        places.append(q)
-    looked = np.linspace(0, len(places) - 1, LOOKED).round().astype(int)[: len(places)]
-    return Touch(pair, np.array(found), max(turned(hand, places[k], pair) for k in looked))
-
-
-def turned(hand: Hand, q: Reals, pair: int) -> float:
-    """By what part of the angle of friction the normal of a contact at a place (n_q,) turns at most where the
-    object lies `AWRY` to some side: little on a face, much at an edge."""
-    near, least = hand.around.near(q, pair), 1.0
-    for column, unit in zip(hand.columns, units_of(hand), strict=True):
-        for side in (-1.0, 1.0):
-            change = np.zeros(len(hand.around.owners))
-            change[column] = side * AWRY * hand.size / unit
-            other = hand.around.near(hand.around.changed(q, change), pair).normal
-            least = min(least, float(near.normal @ other))
-    return float(np.arccos(np.clip(least, -1.0, 1.0)) / max(np.arctan(near.friction), NO_FRICTION))
+    return Touch(pair, np.array(found))
 
 
 def stepped(hand: Hand, finger: Finger, q: Reals, slope: Reals, wanted: Reals) -> Reals:
