@@ -15,6 +15,7 @@ from rungwise.planning.modes.reach import arm as arms
 from rungwise.planning.modes.reach import moves, places, planner
 from rungwise.planning.modes.reach.arm import Arm, arm_of
 from rungwise.planning.modes.reach.places import Room
+from rungwise.planning.modes.reach.planner import has_room, reach_in
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
@@ -267,3 +268,21 @@ def test_an_arm_brings_a_peg_into_a_hole_that_is_elsewhere(seed: int) -> None:
     found = rw.plan("peg_arm", seed=seed, limit=300)
     assert found.found, found.reason
     assert rw.verify(found, samples=10).successes >= 8
+
+
+@pytest.mark.parametrize(("empty", "found"), [(0, True), (1, True), (5, False)])
+def test_two_draws_tell_whether_a_goal_has_room(
+    gantry: Any, empty: int, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Goals that only overlap can reach are told after a few draws, and one draw may miss a narrow place."""
+    drawn: list[int] = []
+
+    def goals(room: Room, *_: Any) -> list[Reals]:
+        drawn.append(1)
+        return [room.start] if len(drawn) > empty else []
+
+    monkeypatch.setattr(Room, "goals", goals)
+    work = begin(task_of(gantry(HOLE)), Budget(None, None), 0, 1)
+    arm = reach_in(work)
+    assert arm is not None and has_room(work, arm) == found
+    assert len(drawn) <= 5
