@@ -188,7 +188,7 @@ class Line:
         places = SimpleNamespace(q=np.array([[at]]))
         return SimpleNamespace(places=places, outcome=outcome, found="found", grasps=0)
 
-    def run(self) -> Any:
+    def run(self, ends: tuple[float, ...] = (1.0, 2.0, 3.0)) -> Any:
         scene: Any = SimpleNamespace(
             vector=lambda _ground, leg, _manner: leg.way.places[-1].copy(),
             leg=lambda q, vector, *_: (
@@ -197,7 +197,7 @@ class Line:
             going_on=self._going_on,
         )
         turns = InTurn(self.work, scene, self._ran, lambda _: None, "dynamic-compliant")
-        legs = [self.leg_to(end) for end in (1.0, 2.0, 3.0)]
+        legs = [self.leg_to(end) for end in ends]
         return turns.run(self.node(0.0), self.ground, legs, Manner(0.0, 1.0), False)
 
     def _going_on(self, vector: Reals) -> Reals:
@@ -276,3 +276,15 @@ def test_a_leg_whose_run_fails_as_it_is_led_on_is_joined_too(monkeypatch: pytest
     monkeypatch.setattr(in_turn, "propose", lambda *_: [line.leg_to(2.0)])
     assert line.run() == "found"
     assert line.runs == [1.0, 2.0, 2.0, 2.0, 3.0] and line.led_on == 1
+
+
+def test_a_tree_of_one_leg_is_joined_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    joined = list[float]()
+    line = Line({}, failing=tuple(range(1, 99)))
+
+    def proposed(*_: Any) -> list[Leg]:
+        joined.append(3.0)
+        return [line.leg_to(3.0)]
+
+    monkeypatch.setattr(in_turn, "propose", proposed)
+    assert line.run((3.0,)) is None and 1 < len(joined) < 10
