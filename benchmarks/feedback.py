@@ -41,7 +41,9 @@ IN_PLANE = {
 }  # fmt: skip
 """The object of each planar scene, and along what it may lie elsewhere; `away`: along x, from a wall or a
 back."""
-IN_SPACE = ["three_finger_lift", "floor_push", "arm_turn", "block_turn", "door", "hand_turn", "ball_turn"]
+IN_SPACE = [
+    "three_finger_lift", "floor_push", "arm_turn", "block_turn", "door", "palm_lift", "hand_turn", "ball_turn"
+]  # fmt: skip
 SLIDE, HINGE = 2, 3
 """Kinds of MuJoCo's joints."""
 

@@ -156,6 +156,7 @@ def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
         "floor_push",
         "hand_turn",
         "door",
+        "palm_lift",
         "ball_turn",
     ],
 )

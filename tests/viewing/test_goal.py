@@ -53,7 +53,14 @@ def test_terms_that_name_a_place(goal: str, found: dict[str, float]) -> None:
     assert {name: wanted.value for name, wanted in places.items()} == pytest.approx(found)
 
 
-IN_SPACE = {"floor_push": "box", "arm_turn": "box", "door": "door", "hand_turn": "ball", "slope": "block"}
+IN_SPACE = {
+    "floor_push": "box",
+    "arm_turn": "box",
+    "door": "door",
+    "hand_turn": "ball",
+    "palm_lift": "box",
+    "slope": "block",
+}
 NOT_IN_SPACE = ("block_turn", "three_finger_lift", "peg", "ball")
 
 

@@ -29,6 +29,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "gripper": {"bounds": {"squeeze": (0.0, 20.0), "v": (1e-6, 0.2)}},
     "hand_turn": {},
     "micro_pick": {"bounds": {"v": (1e-9, 2e-4)}},
+    "palm_lift": {},
     "peg_in_hole": {},
     "peg_arm": {},
     "planar_hand": {},

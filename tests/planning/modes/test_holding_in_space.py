@@ -153,3 +153,18 @@ def test_a_box_goes_over_a_wall_that_reaches_across_the_floor(tmp_path: Path, hi
     lifted[ground.places[2]] += 0.1
     straight = guide(ground, seen.q, lifted, 0, lambda: True)
     assert straight is not None and not len(straight)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(3))
+def test_two_palms_lift_a_box_over_a_wall_and_set_it_down_turned(seed: int) -> None:
+    """Also at a hundredth of the error per step: the box does not slip out of the palms."""
+    plan = rw.plan("palm_lift", schedule="direct", seed=seed, limit=300)
+    assert plan.found, plan.reason
+    names = list(plan.scene.template.coordinates)
+    x, z = names.index("box.x"), names.index("box.z")
+    run = plan.replay(tol=0.01 * plan.tol)
+    assert run.outcome == rw.Outcome.GOAL
+    over = [state.q[z] for state in run.states if 0.08 <= state.q[x] <= 0.18]
+    assert over and min(over) > 0.06
+    assert abs(run.states[-1].q[z] - 0.04) <= 0.002

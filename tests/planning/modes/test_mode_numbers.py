@@ -20,6 +20,7 @@ from rungwise.planning.modes.grips import Grip, _not_followed, touching
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.legs import Writer
 from rungwise.planning.modes.outlines import alike
+from rungwise.planning.modes.planner import ModePlanner
 from rungwise.planning.modes.running.in_turn import InTurn
 from rungwise.planning.motion.free_paths import is_clear
 from rungwise.planning.search.layout import _kept
@@ -270,6 +271,16 @@ def test_an_object_that_is_near_its_way_goes_on(off: float, near: bool) -> None:
         legs = [stub(changes=np.array([1])), stub(changes=np.array([1]))]
         found = InTurn._sooner(own, legs, [None, None], [None, None], 0, None, None)
         assert (found is not None) == near
+
+
+def test_a_place_near_the_goal_from_which_no_tree_leads_on_is_given_up() -> None:
+    """After some ten trees, not after as many as it is nearer; a few are grown there first."""
+    for near in (1e-2, 1e-4):
+        nodes = [stub(tries=[0]), stub(tries=[0])]
+        rng = np.random.default_rng(0)
+        own = stub(nodes=nodes, _lacks=lambda near=near: np.array([1.0, near]), work=stub(rng=rng))
+        chosen = [ModePlanner._chosen(own) is nodes[1] for _ in range(12)]
+        assert all(chosen[:4]) and not all(chosen)
 
 
 @pytest.mark.parametrize("ramp", [False, True])

@@ -38,6 +38,9 @@ ATTEMPTS, EVENLY, BY_MODES, AT_FIRST = 12, 0.4, 0.8, 0.05
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
 objects; a turn by modes where they do not, or where something is in the straight way; and there the first
 turn by pushes."""
+PATIENT, GIVEN_UP = 3, 4.0
+"""Trees from a node after which it counts as a dead end ever more, however near to the goal it is; and how
+many times more, for each further tree."""
 SPARING = 4.0
 """How much more a node with a course lacks where more of its moves than of the course are spent."""
 OTHERS = 0.1
@@ -248,7 +251,8 @@ class ModePlanner:
     def _chosen(self) -> Node:
         """The node to go on from: little is lacking, and it was not often chosen."""
         lacks, tries = self._lacks(), np.array([node.tries[0] for node in self.nodes])
-        weighed = lacks * (1.0 + tries) * self.work.rng.uniform(1.0, 2.0, len(lacks))
+        weighed = np.log(lacks * (1.0 + tries) * self.work.rng.uniform(1.0, 2.0, len(lacks)))
+        weighed += np.log(GIVEN_UP) * np.maximum(tries - PATIENT, 0)
         node = self.nodes[int(weighed.argmin())]
         node.tries[0] += 1
         return node
