@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.derivatives.assembly import Assembly, Start
+from rungwise.simulation.derivatives.assembly import Assembly
+from rungwise.simulation.derivatives.steps import Start
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 
 Array = np.ndarray

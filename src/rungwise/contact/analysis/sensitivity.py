@@ -318,8 +318,10 @@ class Sensitivity:
         z[keep] += unit * (inverse @ (unit * (right - self._matrix @ z)[keep]))
         left_over = np.linalg.norm(unit * (right - self._matrix @ z)[keep], axis=0)
         agrees = left_over <= _AGREES * np.linalg.norm(unit * right[keep], axis=0)
-        terms = np.abs(self._matrix[rows]) @ np.abs(z) + np.abs(right[rows])
-        opens = (self._matrix[rows] @ z - right[rows] >= -_ROUNDING * terms - noise[rows]).all(axis=0)
+        rates = np.abs(self._matrix[rows])
+        rounded = _ROUNDING * (rates @ np.abs(z) + np.abs(right[rows])) + noise[rows]
+        rounded += rates[:, keep] @ (unit * (np.abs(inverse) @ (unit * noise[keep])))
+        opens = (self._matrix[rows] @ z - right[rows] >= -rounded).all(axis=0)
         z[:, ~(agrees & opens)] = np.nan
         return z
 

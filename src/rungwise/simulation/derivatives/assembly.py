@@ -1,68 +1,60 @@
-"""Assembling a step's contact problem from Python, with its discrete choices held."""
+"""Steps of a planar scene, and the problems that they assemble with discrete choices held."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.analysis import DATA
-from rungwise.contact.step import ContactProblem, trim
+from rungwise.contact.analysis import DATA, Sensitivity
+from rungwise.contact.step import (
+    ContactProblem,
+    Elimination,
+    Sizes,
+    Unknowns,
+    matrix_size,
+    solve_planar,
+    trim,
+)
+from rungwise.deadline import go_on
 from rungwise.models.assemble import Step, assemble
 from rungwise.models.entries import Velocities
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.fields.laws.contact import LAWS, ROUGH
-from rungwise.scene.template.records import SPEED
+from rungwise.scene.template.records import FREE, HINGE, SPEED
+from rungwise.simulation.core.state import Trial
+from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.core.tolerances import LINEARISATIONS, ROUNDING
+from rungwise.simulation.derivatives.steps import Data, Held, Linearised, Start, Taken
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
+from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.place import place
+from rungwise.system.planar.seams import is_continued
 from rungwise.wording import listed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Held:
-    """Discrete choices of a step: contacts by their features, slots and gaps, whether they bounce;
-    coordinates that do not move though driven; eps and theta."""
+@dataclass(frozen=True, kw_only=True)
+class PlanarHeld(Held):
+    """Choices, contacts by their (pair, feature), and coordinates that do not move though driven."""
 
     keys: tuple[tuple[int, int], ...]
-    slots: Ints
-    gap: Array
-    bounced: NDArray[np.bool_]
     stopped: NDArray[np.bool_]
-    eps: float
-    theta: float
-
-
-@dataclass(frozen=True)
-class Start:
-    """The state before a step: q, v (n,), deformation (slots, d), and the features of the slots, if known."""
-
-    q: Array
-    v: Array
-    deformation: Array
-    time: float = 0.0
-    features: Ints | None = None
-
-    def moved(self, kind: str, by: Array) -> Start:
-        """The start with "q", "v" or "deformation" changed."""
-        old = getattr(self, kind)
-        return replace(self, **{kind: old + by.reshape(old.shape)})
 
 
 class Assembly:
-    """A scene at one set of parameters, ready to assemble steps of length h from any state.
-
-    `begun` holds q, v (n,) at the beginning of the scene.
-    """
+    """A planar scene at one set of parameters, as `Steps`."""
 
     def __init__(
         self, scene: Scene, model: Rung | str, values: dict[str, float], h: float, theta: float
@@ -83,14 +75,126 @@ class Assembly:
         self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)
         self.theta = theta
         self.begun = self.state.q.copy(), self.state.v.copy()
+        extent = float(self.workspace.terms.rounding[0]) / ROUNDING
+        self.reach = float(self.state.clock[0]["reach"]) or extent or 1.0
+        bodies = self.records.bodies
+        first = bodies["coordinate"]
+        angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
+        self.lever = np.where(np.isin(np.arange(len(self.state.q)), angles), self.reach, 1.0)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        slots, d = self.state.deformation.shape
+        return slots, d
+
+    @property
+    def halt(self) -> Ints:
+        return self.workspace.scratch.halt
+
+    @property
+    def free(self) -> Ints:
+        free: Ints = self.state.free[: int(self.state.clock[0]["free"])]
+        return free
+
+    def named(self, kind: str, i: int) -> str:
+        coordinates = self._simulation.scene.template.coordinates
+        return kind if kind == "deformation" else f"{coordinates[i]} of {kind}"
+
+    def moved(self, start: Start, kind: str, by: Array) -> Start:
+        old = getattr(start, kind)
+        return replace(start, **{kind: old + by.reshape(old.shape)})
 
     def like(self, scene: Scene, model: Rung | str, values: dict[str, float]) -> Assembly:
         """An assembly with the same options at other parameters."""
         return Assembly(scene, model, values, self.h, self.theta)
 
-    def rest(self, q: Array, v: Array, time: float = 0.0) -> Start:
-        """A start without deformations."""
-        return Start(q, v, np.zeros_like(self.state.deformation), time)
+    def taken(self, start: Start) -> Taken:
+        self.put(start)
+        before = self.state.manifolds.features.copy()
+        if self.set_speeds() < self.h:
+            raise ModelError(
+                "step: a coordinate reaches the end of its travel within it; take a shorter step"
+            )
+        if attempt(self.records, self.rung, self.workspace, self.h, self.h) != TAKEN:
+            go_on(self.halt)
+            raise ModelError("step: no step of this length can be taken from here; take a shorter one")
+        state = self.state
+        features = state.manifolds.features.copy()
+        end = Start(state.q.copy(), state.v.copy(), state.deformation.copy(), start.time + self.h, features)
+        return Taken(self.workspace.scratch.v_new.copy(), before, end)
+
+    def linearised(self, start: Start, taken: Taken, /) -> Iterator[Linearised]:
+        quantum = float(self.workspace.terms.rounding[0]) / self.h
+        trial = None
+        for _ in range(LINEARISATIONS):
+            found = self._solved(start, trial)
+            yield found
+            trial = found.speed
+            off, size = (np.abs(self.lever * x).max(initial=0.0) for x in (trial - taken.speed, taken.speed))
+            if off <= ROUNDING * size + quantum:
+                return
+            if not self.rung[0]["metric"]:
+                break
+        raise ModelError("step: it could not be repeated")
+
+    def _solved(self, start: Start, trial: Array | None) -> Linearised:
+        """The problem of a step linearised at its start, or where the trial speeds lead."""
+        work, h = self.workspace, self.h
+        self.place(start, trial)
+        state, scratch, clock = work.state, work.scratch, work.state.clock[0]
+        for _ in range(LINEARISATIONS):
+            count = self.gather(trial)
+            if solve_step(Trial(self.rung, h, work.terms, count, state, scratch, work.problem)) != SUPPORTED:
+                go_on(scratch.halt)
+                raise ModelError("step: it has no solution")
+            if not self.widened(scratch.v_new):
+                break
+        n, limited = int(clock["free"]), int(clock["limited"])
+        # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
+        unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
+        size = matrix_size(n, count, limited)
+        room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
+        solve_planar(work.problem, Sizes(n, count, limited), unknowns, room, scratch.halt)
+        problem = trim(work.problem, n, count, limited)
+        contact = Sensitivity(
+            problem, scratch.x[:n].copy(), scratch.contact_force[: 2 * count].copy(),
+            scratch.limited_force[:limited].copy(),
+        )  # fmt: skip
+        return Linearised(self.hold(count, problem), contact, scratch.v_new.copy())
+
+    def look_for_bends(self, held: PlanarHeld, low: Data, high: Data, base: Data, way: float) -> None:
+        """Features of outlines are smooth."""
+
+    def ended(self, _start: Start, _speed: Array, dq: Array, dspeed: Array, /) -> Array:
+        return dq + self.h * dspeed
+
+    def followed(self, taken: Taken, found: Array, /) -> Array:
+        """See `Steps`; also over seams.
+
+        Raises ModelError where a contact that is deformed goes over to another feature.
+        """
+        before, after = taken.features, taken.end.features
+        slots = found.reshape(len(taken.end.deformation), -1, found.shape[1])
+        moved = np.zeros_like(slots)
+        moved[len(before) :] = slots[len(before) :]
+        for slot, feature in enumerate(before):
+            pair = slot - slot % 2
+            to = pair + np.flatnonzero(after[pair : pair + 2] == feature)
+            if not len(to) and slots[slot].any():
+                to = np.array([k for k in range(len(before)) if self._is_carried(before, after, slot, k)])
+            if len(to):
+                moved[to[0]] = slots[slot]
+            elif after[slot] != ABSENT and slots[slot].any():
+                raise ModelError("step: a contact moves to another feature; there is no derivative here")
+        return moved.reshape(found.shape)
+
+    def _is_carried(self, before: Ints, after: Ints, old: int, new: int) -> bool:
+        """Whether the feature of slot `old` has come to slot `new` of another pair over a seam."""
+        seams = self.workspace.seams
+        if old // 2 == new // 2 or not seams.joined[0] or after[new] == ABSENT:
+            return False
+        fresh = after[new] not in before[new - new % 2 : new - new % 2 + 2]
+        return bool(fresh and is_continued(before[old], after[new], self.state.placed.outline, seams))
 
     def put(self, start: Start) -> None:
         """Place the bodies and look for contacts."""
@@ -127,7 +231,7 @@ class Assembly:
         row, begun = self.workspace.scratch.row, self.workspace.scratch.measures
         joints.values(r, state.placed.pose, state.q, row, begun)
         if trial is not None:
-            self.put(start.moved("q", h * trial))
+            self.put(self.moved(start, "q", h * trial))
         if len(r.joints):
             joints.rows(
                 r, state.placed.pose, state.q, begun, state.start, start.time + theta * h, h,
@@ -156,7 +260,7 @@ class Assembly:
         widen(self.records, self.workspace, 2.0 * reach)
         return True
 
-    def hold(self, count: int, problem: ContactProblem) -> Held:
+    def hold(self, count: int, problem: ContactProblem) -> PlanarHeld:
         """The discrete choices of the step just solved."""
         state, terms, clock = self.state, self.workspace.terms, self.state.clock[0]
         bounced = np.zeros(count, bool)
@@ -164,23 +268,14 @@ class Assembly:
         if clock["bounces"] and np.array_equal(self._assembled(count, n, eps, theta, True).w, problem.w):
             bounced = self._assembled(count, n, eps, theta, False).w[::2] != problem.w[::2]
         driven = self.records.coordinates["drive"] == SPEED
-        return Held(
-            self._keys(count), self.workspace.scratch.slots[:count].copy(), terms.gap[:count].copy(), bounced,
-            driven & (state.speed == 0.0), eps, theta,
+        return PlanarHeld(
+            keys=self._keys(count), slots=self.workspace.scratch.slots[:count].copy(),
+            gap=terms.gap[:count].copy(), stiffness=terms.contact_stiffness[:count].copy(),
+            damping=terms.contact_damping[:count].copy(), bounced=bounced,
+            stopped=driven & (state.speed == 0.0), eps=eps, theta=theta,
         )  # fmt: skip
 
-    def data(
-        self,
-        held: Held,
-        start: Start,
-        trial: Array | None,
-        faster: Array | None = None,
-    ) -> dict[str, Array]:
-        """Data of the problem from `start`, contacts in the order held, with their `gap`, `stiffness` and
-        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are the held gaps.
-
-        Raises ModelError when other points touch than the held contacts.
-        """
+    def data(self, held: PlanarHeld, start: Start, trial: Array | None, faster: Array | None = None) -> Data:
         state, terms, clock = self.state, self.workspace.terms, self.state.clock
         self.place(start, trial)
         state.speed[held.stopped] = 0.0

@@ -27,7 +27,7 @@ from rungwise.simulation.derivatives.changes import KINDS
 from rungwise.simulation.derivatives.in_space import SpaceSensitivity, run_sensitivity_in_space
 from rungwise.simulation.derivatives.sensitivity import (
     WRT,
-    PlanarSensitivity,
+    StateSensitivity,
     differentiated,
     prepared,
     started,
@@ -39,8 +39,8 @@ WHOLE = "all steps and their differences were taken"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class RunSensitivity(PlanarSensitivity):
-    """The state after steps, at `time`, and its derivatives (see `PlanarSensitivity`); inputs are the same in
+class RunSensitivity(StateSensitivity):
+    """The state after steps, at `time`, and its derivatives (see `StateSensitivity`); inputs are the same in
     all steps. `weak` are the numbers of steps with a contact about to change its mode: if there are any,
     derivatives are one-sided, for each column increased by itself."""
 

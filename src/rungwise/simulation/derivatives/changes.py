@@ -4,27 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rungwise.contact.analysis import DATA
 from rungwise.content import ByContent
 from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
-from rungwise.scene import Scene
-from rungwise.scene.template.records import FREE, HINGE
-from rungwise.simulation.core.tolerances import ROUNDING
-from rungwise.simulation.derivatives.assembly import Assembly, Held, Start
+from rungwise.simulation.derivatives.steps import Array, Data, Held, Start, Steps
+from rungwise.simulation.options import ModelError
 
-Array: TypeAlias = NDArray[np.float64]
-Data: TypeAlias = dict[str, Array]
-"""Fields of the problem, and `speed`, `stiffness`, `damping`; in changes, directions are the last axis."""
 KINDS = ("q", "v", "deformation", "inputs", "parameters")
 _STEP = 1e-5
 """Change of an unknown, over its size or the smallest shape's reach, to both sides: near 6e-6, the cube root
 of double precision, where rounding and curvature err alike in central differences."""
+
+_ROUNDED = 1e-5
+"""Rounding of data, over their size, and over the part of changes that redundant contacts may disagree by
+(`_NOISE` of `contact.analysis.sensitivity`): some hundred roundings of double precision."""
 
 _BLOCK = 16
 """Unknowns whose changes are held at once: some megabytes where a hundred bodies are piled up."""
@@ -45,6 +44,15 @@ class EndSensitivity(ByContent):
     __repr__ = brief
 
 
+class Block(NamedTuple):
+    """Changes of the data with a few unknowns, the sizes of what they are differences of, and the rows (few,
+    m) of these unknowns in the directions."""
+
+    change: Data
+    size: Data
+    by: Array
+
+
 class Changes:
     """Differences of the data that a step assembles, by each of the kinds asked for.
 
@@ -53,19 +61,12 @@ class Changes:
     """
 
     def __init__(
-        self, here: Assembly, scene: Scene, model: Rung | str, values: dict[str, float],
+        self, here: Steps, scene: Any, model: Rung | str, values: dict[str, float],
         names: tuple[str, ...], kinds: Sequence[str], deadline: Deadline,
     ) -> None:  # fmt: skip
         self.here, self.names, self.kinds = here, names, tuple(kind for kind in KINDS if kind in kinds)
         self.deadline = deadline
-        n, extent = len(here.state.q), float(here.workspace.terms.rounding[0]) / ROUNDING
-        reach = float(here.state.clock[0]["reach"]) or extent or 1.0
-        bodies = here.records.bodies
-        first = bodies["coordinate"]
-        angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
-        self.reach = reach
-        self.lever = np.where(np.isin(np.arange(n), angles), reach, 1.0)
-        self.varied: list[list[tuple[float, Assembly]]] = []
+        self.varied: list[list[tuple[float, Steps]]] = []
         for name in names if "parameters" in kinds else ():
             deadline.look()
             declared = scene.file.parameters[name]
@@ -86,25 +87,26 @@ class Changes:
         """Number of unknowns of a kind."""
         if kind == "parameters":
             return len(self.varied)
-        return self.here.state.deformation.size if kind == "deformation" else len(self.here.state.q)
+        slots, d = self.here.shape
+        return slots * d if kind == "deformation" else len(self.here.lever)
 
     def blocks(
         self, held: Held, start: Start, trial: Array | None, directions: dict[str, Array]
-    ) -> Iterator[tuple[Data, Array]]:
-        """For a few unknowns at a time, the change of the data with each, and their rows (few, m) of the
-        directions; by "trial", the unknowns are the speeds of the trial. Raises TimeOver."""
+    ) -> Iterator[Block]:
+        """Changes with a few unknowns at a time; by "trial", the unknowns are the speeds of the trial. Raises
+        ModelError naming the unknown with which a contact changes its feature, and TimeOver."""
         base = self.here.data(held, start, trial)
         for kind, by in directions.items():
             moved = np.flatnonzero(by.any(axis=1))
             for first in range(0, len(moved), _BLOCK):
                 block = moved[first : first + _BLOCK]
                 each = [self._change(kind, int(i), held, start, trial, base) for i in block]
-                data = {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
-                yield data, by[block]
+                change, size = (_stacked([one[k] for one in each]) for k in range(2))
+                yield Block(change, size, by[block])
 
     def begins(self) -> tuple[Array, Array]:
         """Change (n, p) of the coordinates and speeds with which the scene begins, by each parameter."""
-        n = len(self.here.state.q)
+        n = len(self.here.lever)
         dq, dv = np.zeros((2, n, len(self.varied)))
         for i, samples in enumerate(self.varied):
             for change, k in ((dq, 0), (dv, 1)):
@@ -112,20 +114,35 @@ class Changes:
                 change[:, i] = _slope(ends[0], ends[1], self.here.begun[k])
         return dq, dv
 
-    def _change(self, kind: str, i: int, held: Held, start: Start, trial: Array | None, base: Data) -> Data:
+    def _change(
+        self, kind: str, i: int, held: Held, start: Start, trial: Array | None, base: Data
+    ) -> tuple[Data, Data]:
+        """The change of the data with an unknown, and the sizes of what it is a difference of. Raises
+        ModelError naming the unknown."""
         self.deadline.look()
+        try:
+            return self._differenced(kind, i, held, start, trial, base)
+        except ModelError as error:
+            name = self.names[i] if kind == "parameters" else self.here.named(kind, i)
+            raise ModelError(f"{error} (by {name})") from None
+
+    def _differenced(
+        self, kind: str, i: int, held: Held, start: Start, trial: Array | None, base: Data
+    ) -> tuple[Data, Data]:
+        """See `_change`."""
         here = self.here
-        prescribed = kind == "inputs" and bool(here.state.prescribed[i])
         if kind == "parameters":
             samples = [(s, at.data(held, start, trial)) for s, at in self.varied[i]]
-        elif kind == "inputs" and not prescribed:
+        elif kind == "inputs" and i in here.free:
             change = {name: np.zeros_like(value) for name, value in base.items() if name != "gap"}
             if here.rung[0]["loads"]:
-                change["c"] += here.state.free[: len(base["c"])] == i
-            return change
+                change["c"] += here.free == i
+            return change, {name: np.abs(change[name]) for name in DATA}
         else:
-            size = self._size(kind, i, start)
-            samples = [(s, here.data(held, *self._moved(kind, i, s, start, trial))) for s in (-size, size)]
+            by = self._size(kind, i, start)
+            samples = [(s, here.data(held, *self._moved(kind, i, s, start, trial))) for s in (-by, by)]
+            if kind == "q":
+                here.look_for_bends(held, samples[0][1], samples[1][1], base, by * float(here.lever[i]))
         low, high = samples
         change = {
             name: _slope((low[0], low[1][name]), (high[0], high[1][name]), base[name])
@@ -135,29 +152,42 @@ class Changes:
             finite = np.isfinite(base[name])
             change[name] = np.zeros(base[name].shape)
             change[name][finite] = (high[1][name][finite] - low[1][name][finite]) / (high[0] - low[0])
-        change["w"][::2] += np.where(held.bounced, 0.0, change.pop("gap") / here.h)
-        return change
+        normal, span = slice(None, None, here.shape[1]), abs(high[0] - low[0])
+        change["w"][normal] += np.where(held.bounced, 0.0, change.pop("gap") / here.h)
+        rounded = _ROUNDED / span
+        size = {
+            name: np.abs(change[name]) + rounded * np.nan_to_num(np.abs(base[name]), posinf=0.0)
+            for name in DATA
+        }
+        size["w"][normal] += rounded * here.reach / here.h
+        return change, size
 
     def _size(self, kind: str, i: int, start: Start) -> float:
+        reach, lever = self.here.reach, self.here.lever
         if kind == "q":
-            return float(_STEP * self.reach / self.lever[i])
+            return float(_STEP * reach / lever[i])
         if kind == "deformation":
-            return _STEP * self.reach
-        fastest = float(np.abs(self.lever * start.v).max(initial=0.0))
-        return float(_STEP * max(fastest, 1e-3 * self.reach / self.here.h) / self.lever[i])
+            return _STEP * reach
+        fastest = float(np.abs(lever * start.v).max(initial=0.0))
+        return float(_STEP * max(fastest, 1e-3 * reach / self.here.h) / lever[i])
 
     def _moved(
         self, kind: str, i: int, s: float, start: Start, trial: Array | None
     ) -> tuple[Start, Array | None, Array | None]:
         """The start, the trial and the faster inputs when one unknown is changed by s."""
-        one = np.zeros(self.size(kind) if kind != "trial" else len(start.q))
+        one = np.zeros(self.size(kind))
         one[i] = s
         if kind == "trial":
             assert trial is not None
             return start, trial + one, None
         if kind == "inputs":
             return start, trial, one
-        return start.moved(kind, one), trial, None
+        return self.here.moved(start, kind, one), trial, None
+
+
+def _stacked(each: Sequence[Data]) -> Data:
+    """Data with directions as last axis."""
+    return {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
 
 
 _ENDLESS = ("F", "stiffness", "damping")

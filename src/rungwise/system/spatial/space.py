@@ -79,7 +79,8 @@ and 35, are as great as the overlap that rigid contacts allow. Chosen by trial."
 class Space:
     """A model at given controls (a,) and speeds (n,), nan where a velocity is free; both may change between
     steps. `place`, `motion` and `begun`, the activations (k,), are the start; `activation` (k,) are those at
-    the start of a step, and `acting` (a,) is what actuators act by in it."""
+    the start of a step, and `acting` (a,) is what actuators act by in it. `kept` are the features of the
+    last step that was taken, and `found` those of the last `fill`."""
 
     model: mujoco.MjModel
     laws: Laws
@@ -92,7 +93,7 @@ class Space:
     acting: Reals = field(init=False)
     size: Size = field(init=False)
     kept: Features = field(init=False)
-    _found: Features = field(init=False)
+    found: Features = field(init=False)
     directions: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -270,17 +271,17 @@ class Space:
 
     def geoms(self, slots: Ints) -> Ints:
         """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
-        seen = self._found.geoms[slots]
+        seen = self.found.geoms[slots]
         return np.where(seen[:, :1] == FREE, self.kept.geoms[slots], seen)
 
     def _laws_of(self, slots: Ints) -> Ints:
         """The row of laws (k,) of the contacts in these slots in the last `fill`, 0 for travel limits."""
         own = np.where(slots < self.most, slots, 0)
-        geoms = self._found.geoms[own]
+        geoms = self.found.geoms[own]
         return np.where(slots < self.most, self.laws.law[geoms[:, 0], geoms[:, 1]], 0)
 
     def accept(self) -> None:
-        self.kept, self._found = self._found, self.kept
+        self.kept, self.found = self.found, self.kept
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         d = self.data
@@ -290,7 +291,7 @@ class Space:
         self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
         self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
         count = self._fill_contacts[d.ncon > 1](
-            self._seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
+            self._seen, self.solids, self.kept, self.found, reach, self.room, terms, self._slots, self._fresh
         )
         if count < 0:
             self.look_within(self._near)
@@ -323,7 +324,7 @@ class Space:
         start."""
         self.activation[:] = self.begun
         self.expect(0.0)
-        self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
+        self.kept, self.found = allocate_features(self.most), allocate_features(self.most)
         self.look_within(self._near)
 
     def expect(self, h: float) -> None:

@@ -1,0 +1,121 @@
+"""What derivatives ask of a world: steps, and the data that they assemble with discrete choices held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.analysis import Sensitivity
+from rungwise.kernel import RecordArray
+from rungwise.models.ladder import Rung
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+Data: TypeAlias = dict[str, Array]
+"""Fields of the problem, and `speed`, `stiffness`, `damping`; in changes, directions are the last axis."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state before a step: q (n_q,), v (n,), deformation (slots, d), and what the world knows of the
+    features of the slots, if anything."""
+
+    q: Array
+    v: Array
+    deformation: Array
+    time: float = 0.0
+    features: Any = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """Discrete choices of a step: slots of the contacts, their gaps, stiffness and damping (c, d, d), whether
+    they bounce; eps and theta."""
+
+    slots: Ints
+    gap: Array
+    stiffness: Array
+    damping: Array
+    bounced: NDArray[np.bool_]
+    eps: float
+    theta: float
+
+
+class Linearised(NamedTuple):
+    """A contact problem that a step solves: choices, its sensitivity, and all speeds (n,) of its solution."""
+
+    held: Any
+    contact: Sensitivity
+    speed: Array
+
+
+class Taken(NamedTuple):
+    """A step that was taken: all speeds (n,) in it, what was known of features before it, and its end."""
+
+    speed: Array
+    features: Any
+    end: Start
+
+
+class Steps(Protocol):
+    """A scene at one set of parameters, whose steps of length h on a rung are taken and assembled.
+
+    `reach` is the size of the smallest shape; `lever` (n,) how far a unit of each velocity leads points.
+    Positions change along velocities: their changes have n entries. `begun` holds q and v at the beginning of
+    the scene; `shape` is that of the deformations (slots, d).
+    """
+
+    h: float
+    rung: RecordArray
+    reach: float
+    lever: Array
+    begun: tuple[Array, Array]
+
+    @property
+    def shape(self) -> tuple[int, int]: ...
+
+    @property
+    def halt(self) -> Ints:
+        """Set from outside where steps are to be given up."""
+
+    @property
+    def free(self) -> Ints:
+        """The velocities (m,) that are not prescribed."""
+
+    def like(self, scene: Any, model: Rung | str, values: dict[str, float]) -> Self:
+        """The same at other parameters."""
+
+    def named(self, kind: str, i: int) -> str:
+        """What unknown i of a kind is called."""
+
+    def moved(self, start: Start, kind: str, by: Array) -> Start:
+        """The start with "q", "v" or "deformation" changed."""
+
+    def taken(self, start: Start) -> Taken:
+        """Take the step. Raises ModelError where it cannot be taken as it is, and TimeOver."""
+
+    def linearised(self, start: Start, taken: Taken, /) -> Iterator[Linearised]:
+        """The problems that the step solves one after another, each where the solution of the one before
+        leads. Raises ModelError, and TimeOver."""
+
+    def data(self, held: Any, start: Start, trial: Array | None, faster: Array | None = None) -> Data:
+        """Data of the problem from `start` at the place to which trial speeds (n,) lead, contacts in the
+        order held, with their `gap`, and `speed` (n,) of the prescribed velocities, which are `faster`. The
+        gaps in the data are the held gaps.
+
+        Raises ModelError when other points touch than the held contacts.
+        """
+
+    def look_for_bends(self, held: Any, low: Data, high: Data, base: Data, way: float) -> None:
+        """Raise ModelError where the data of a contact have two slopes at the base, seen from places that
+        are a way to either side of it."""
+
+    def ended(self, start: Start, speed: Array, dq: Array, dspeed: Array, /) -> Array:
+        """The change (n, m) of the end of a step from changes of its start and of its speeds (n, m)."""
+
+    def followed(self, taken: Taken, found: Array, /) -> Array:
+        """Derivatives (slots d, m) of deformations in the slots to which their features have gone."""
