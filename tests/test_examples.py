@@ -135,6 +135,13 @@ def test_hierarchy_benchmark(monkeypatch: Patch, capsys: Printed) -> None:
     assert "two_finger_free: 1 run;" in capsys.readouterr().out
 
 
+def test_derivatives_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
+    benchmark = script("benchmarks/derivatives.py", monkeypatch)
+    benchmark.main(["--scenes", "ball", "--rungs", "dynamic-rigid", "--time", "0.01"])
+    row = capsys.readouterr().out.splitlines()[1].split()
+    assert row[:3] == ["ball", "dynamic-rigid", "18"] and float(row[4]) > 0.0
+
+
 def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/piles.py", monkeypatch)
     monkeypatch.setattr(benchmark, "FALLEN", 20)

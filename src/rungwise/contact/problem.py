@@ -28,6 +28,9 @@ Array: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = Any
 """A dense (n, n) array or a scipy sparse matrix of that shape."""
 
+MOST_DIRECTIONS = 3
+"""Directions of a contact: normal, and two tangents in space. Those of a step may also resist turning."""
+
 
 def _empty() -> Array:
     return np.zeros(0)
@@ -310,7 +313,7 @@ def _rows(name: str, value: Any) -> sp.csr_array:
 
 def _known(directions: int) -> None:
     whole = isinstance(directions, int | np.integer) and not isinstance(directions, bool)
-    if not whole or directions not in (1, 2, 3):
+    if not whole or not 1 <= directions <= MOST_DIRECTIONS:
         raise ValueError(f"directions: must be 1, 2 or 3, not {directions!r}")
 
 

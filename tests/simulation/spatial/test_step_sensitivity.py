@@ -27,7 +27,8 @@ def test_free_flight() -> None:
     """Places keep their changes and gain h those of speeds; a turn is seen from axes that have turned since,
     and without moments of inertia that differ speeds keep theirs."""
     v = [1.0, 0.0, 2.0, 0.0, 0.0, 3.0]
-    s = rw.step_sensitivity("ball", "dynamic-rigid", None, [0.0, 0.0, 5.0, *UPRIGHT], v, 0.1)
+    q = [0.0, 0.0, 5.0, 0.48, 0.6, 0.0, 0.64]
+    s = rw.step_sensitivity("ball", "dynamic-rigid", None, q, v, 0.1)
     turn = 0.3
     back = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
     by_q = np.block([[np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), back]])
@@ -85,6 +86,15 @@ def test_a_box_at_rest_stays(rung: Rung) -> None:
     np.testing.assert_allclose(s.dq["q"][2], 0.0, atol=1e-6)  # a gap closes within the step
 
 
+@pytest.mark.parametrize("rung", RIGID, ids=named)
+def test_a_block_that_rests_on_a_slope_turns_as_it_is_turned(rung: Rung) -> None:
+    """Its corners share friction in some way, two of them up to its limit; rounding lets none slip."""
+    end = rw.simulate("slope", rung, duration=0.3).frames[-1]
+    s = rw.step_sensitivity("slope", rung, None, end.q, end.v, H, wrt=("q",))
+    assert s.contact.weak and not s.contact.forces_determined
+    assert s.dq["q"][5, 5] == pytest.approx(1.0, abs=1e-6)
+
+
 def test_a_finger_on_a_servo_pushes_a_box_on_a_spring(make: Make) -> None:
     """Stiffnesses in series: by the target u the box moves as 1/k_spring over the sum of all 1/k."""
     servo, contact, spring = 300.0, 800.0, 500.0
@@ -112,6 +122,26 @@ def test_a_finger_on_a_servo_pushes_a_box_on_a_spring(make: Make) -> None:
     slot = int(np.flatnonzero(s.deformation[:, 0])[0])
     assert s.deformation[slot, 0] == pytest.approx(force / contact, rel=1e-6)
     assert s.ddeformation["parameters"][3 * slot, 0] == pytest.approx(1.0 / give / contact, rel=1e-6)
+
+
+@pytest.mark.parametrize("rung", [rung for rung in RIGID if rung.inertia == 0.0] + [rw.KINEMATIC], ids=named)
+def test_a_prescribed_finger_pushes_what_nothing_resists(make: Make, rung: Rung) -> None:
+    """The box goes as far as the finger; the force that pushes it vanishes with its inertia."""
+    scene = make(
+        world(
+            '<body name="f"><joint name="f" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body>',
+            '<body name="b" pos=".3 0 0"><joint name="b" type="slide" axis="1 0 0"/>'
+            '<geom type="box" size=".2 .2 .2" mass="1"/></body>',
+            before=NO_GRAVITY,
+        ),
+        parameters={"pace": {"default": 0.5, "range": [0, 1]}},
+        speeds={"f.f": "pace"},
+    )
+    s = rw.step_sensitivity(scene, rung, None, [0.0, 0.0], [0.0, 0.0], 0.1)
+    np.testing.assert_allclose(s.q, [0.05, 0.05], atol=1e-9)
+    np.testing.assert_allclose(s.dq["parameters"][:, 0], [0.1, 0.1], atol=1e-9)
+    np.testing.assert_allclose(s.dq["inputs"], [[0.1, 0.0], [0.1, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(s.dq["q"], [[1.0, 0.0], [1.0, 0.0]], atol=1e-6)
 
 
 def test_what_touches_without_force_has_one_sided_derivatives(make: Make) -> None:
@@ -302,6 +332,13 @@ def test_a_feature_that_changes_is_named(make: Make) -> None:
     assert np.isfinite(rw.step_sensitivity(*given, wrt=("inputs", "v")).dv["inputs"]).all()
 
 
+def test_a_contact_with_two_slopes_is_named() -> None:
+    """The corners of two boxes coincide: where one is moved, the nearer edges bound the contact."""
+    q = rw.simulate("stack", "dynamic-rigid", duration=0.01).frames[-1].q
+    with pytest.raises(rw.ModelError, match=r"feature is about to change.*by box0.x of q"):
+        rw.step_sensitivity("stack", "dynamic-rigid", None, q, np.zeros(60), H, wrt=("q",))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -318,6 +355,12 @@ def test_wrong_input(change: dict[str, object], message: str) -> None:
              "v": np.zeros(6), "h": H}  # fmt: skip
     with pytest.raises(rw.ModelError, match=message):
         rw.step_sensitivity(**{**given, **change})  # type: ignore[arg-type]
+
+
+def test_contacts_that_resist_turning_are_refused_where_forces_vanish() -> None:
+    end = rw.simulate("three_fingers", "kinematic", duration=0.3).frames[-1]
+    with pytest.raises(rw.ModelError, match="resist turning have no derivative where forces vanish"):
+        rw.step_sensitivity("three_fingers", "kinematic", None, end.q, end.v, H, time=0.3, wrt=("v",))
 
 
 def test_laws_that_jump_are_refused(make: Make) -> None:

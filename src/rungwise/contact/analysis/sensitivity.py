@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
 from rungwise.contact.analysis.active import pieces
-from rungwise.contact.problem import Array, Problem, numbers
+from rungwise.contact.problem import MOST_DIRECTIONS, Array, Problem, numbers
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step.problem import ContactProblem
@@ -326,15 +326,16 @@ class Sensitivity:
         return z
 
     def _one_sided(self, right: Array, noise: Array, deadline: Deadline) -> Array:
-        """Solutions of one contact problem per direction. Raises TimeOver."""
+        """Solutions of one contact problem per direction, NaN where contacts that may begin to act resist
+        turning: `solve` knows no such contacts. Raises TimeOver."""
         q, n = self._pieces, len(self.problem.c)
         cones = [n + columns for _, columns in q.cones]
         first = np.concatenate(cones) if cones else np.zeros(0, np.int64)
         others = np.setdiff1d(np.arange(len(self._unit)), first)
         order = np.concatenate([first, others])
         free = np.concatenate([np.ones(n, bool), q.free])[others]
-        z = self._released(right, noise)
-        for j, column in enumerate(right.T):
+        z, d = self._released(right, noise), self.problem.R.shape[1] if cones else 1
+        for j, column in enumerate(right.T if d <= MOST_DIRECTIONS else ()):
             if not np.isnan(z[:, j]).any():
                 continue
             deadline.look()
@@ -343,7 +344,7 @@ class Sensitivity:
                     self._matrix[np.ix_(order, order)],
                     -column[order],
                     self.problem.mu[[i for i, _ in q.cones]],
-                    self.problem.R.shape[1],
+                    d,
                     np.where(free, -np.inf, 0.0),
                     np.full(len(others), np.inf),
                 ),

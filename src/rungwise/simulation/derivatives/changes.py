@@ -21,9 +21,9 @@ _STEP = 1e-5
 """Change of an unknown, over its size or the smallest shape's reach, to both sides: near 6e-6, the cube root
 of double precision, where rounding and curvature err alike in central differences."""
 
-_ROUNDED = 1e-5
-"""Rounding of data, over their size, and over the part of changes that redundant contacts may disagree by
-(`_NOISE` of `contact.analysis.sensitivity`): some hundred roundings of double precision."""
+_ROUNDED = 1e-7
+"""Rounding of data, over their size and over the part of changes by which redundant contacts may disagree
+(`_NOISE` of `contact.analysis.sensitivity`): a few roundings of double precision."""
 
 _BLOCK = 16
 """Unknowns whose changes are held at once: some megabytes where a hundred bodies are piled up."""
@@ -155,10 +155,9 @@ class Changes:
         normal, span = slice(None, None, here.shape[1]), abs(high[0] - low[0])
         change["w"][normal] += np.where(held.bounced, 0.0, change.pop("gap") / here.h)
         rounded = _ROUNDED / span
-        size = {
-            name: np.abs(change[name]) + rounded * np.nan_to_num(np.abs(base[name]), posinf=0.0)
-            for name in DATA
-        }
+        size = {name: np.abs(change[name]) for name in DATA}
+        for name in size.keys() - _ENDLESS:
+            size[name] += rounded * np.abs(base[name])
         size["w"][normal] += rounded * here.reach / here.h
         return change, size
 
@@ -190,7 +189,7 @@ def _stacked(each: Sequence[Data]) -> Data:
     return {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
 
 
-_ENDLESS = ("F", "stiffness", "damping")
+_ENDLESS = {"F", "stiffness", "damping"}
 """Fields that may be infinite."""
 
 

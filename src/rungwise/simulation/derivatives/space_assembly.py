@@ -13,7 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from rungwise.contact.analysis import DATA, Sensitivity
-from rungwise.contact.step import ContactProblem, Sizes, Unknowns, trim
+from rungwise.contact.problem import MOST_DIRECTIONS
+from rungwise.contact.solution import Status
+from rungwise.contact.solve import solve
+from rungwise.contact.step import ContactProblem, trim
 from rungwise.deadline import go_on
 from rungwise.kernel import Ints, steady
 from rungwise.models.assemble import Step, assemble
@@ -23,7 +26,6 @@ from rungwise.outcome import Code
 from rungwise.scene import InvalidScene
 from rungwise.scene.fields.laws.contact import LAWS, titles
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.core.chains import solve_spatial
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.derivatives.noted import (
     OF_CONTACTS,
@@ -44,8 +46,6 @@ _TURN = 1e-4
 _BENT = 0.05
 """Difference of slopes to both sides that counts as two, over the slope of what moves along."""
 _CHANGING = "step: a contact's feature is about to change; there is no derivative here"
-_PASSED = 1e-9
-"""Part of the length of the smallest shape by which a contact may close before it counts."""
 
 
 class SpaceAssembly:
@@ -65,7 +65,7 @@ class SpaceAssembly:
         if rough:
             raise ModelError(f"contacts: steps with {listed(rough)} cannot be differentiated; leave them out")
         self._scene, self._bound, self._system, self.h, self._theta = scene, bound, system, float(h), theta
-        self._told = bound.values.copy()
+        self._told, self._told_at = bound.values.copy(), (np.nan, np.nan)
         self._stepper = Noting(system, rung, self.h, theta, self._tell)
         self.rung = rung.record(theta)
         self.reach, self.lever, self.begun = system.size.length, system.lever, system.start()
@@ -98,6 +98,9 @@ class SpaceAssembly:
 
     def _tell(self, time: float, h: float) -> None:
         """Set speeds as of the middle of a step, and controls as of its end, as runs do."""
+        if self._told_at == (time, h):
+            return
+        self._told_at = time, h
         self._told[-1] = time + 0.5 * h
         self._bound.tell(self._told, ("speeds",))
         self._told[-1] = time + h
@@ -117,6 +120,7 @@ class SpaceAssembly:
         stepper, system = self._stepper, self._system
         state, scratch = stepper.state, stepper.scratch
         system.forget()
+        self._told_at = np.nan, np.nan  # what actuators act by is forgotten, too
         state.modes[:], state.force[:], scratch.limited_mode[:] = 0, 0.0, 1
         scratch.limited_force[:], stepper.terms.fall[:], scratch.x[:] = 0.0, 0.0, 0.0
         stepper.outcome, stepper.noted = Code.RUNNING, []
@@ -149,12 +153,12 @@ class SpaceAssembly:
         x, force, tau, problem = solved.x, solved.force, solved.tau, solved.problem
         limit = self._stepper.rung.inertia == 0.0 and not self._stepper.rung.compliant
         if limit and len(problem.mu) and not force.any():
-            size = Sizes(len(x), len(problem.mu), len(tau))
-            unknowns = Unknowns(np.ones(size[1] + size[2], np.int64), x.copy(), force.copy(), tau.copy())
-            columns = np.tile(np.array([0, size[0], size[0], size[0]]), (size[1], 1))
-            couplings = np.tile(np.array([0, size[0]]), (size[0], 1))
-            solve_spatial(problem, size, unknowns, columns, couplings, self.halt)
-            x, force, tau = unknowns[1:]
+            if self._system.size.directions > MOST_DIRECTIONS:
+                raise ModelError("step: contacts that resist turning have no derivative where forces vanish")
+            found = solve(problem)
+            if found.status != Status.SOLVED:
+                raise ModelError("step: it could not be repeated")
+            x, force, tau = found.v, found.r, found.z
         return Sensitivity(problem, x, force, tau)
 
     def _hold(self, solved: Solved, contact: Sensitivity, start: Start, trial: Array | None) -> SpaceHeld:
@@ -243,7 +247,7 @@ class SpaceAssembly:
         order = np.array([found.pop(int(slot), -1) for slot in held.slots], np.int64)
         terms, others = stepper.terms, np.array(list(found.values()), np.int64)
         closing = terms.gap[others] + self.h * (terms.rows[others * d] @ held.speed)
-        if (order[held.pushing] < 0).any() or (closing < -_PASSED * self.reach).any():
+        if (order[held.pushing] < 0).any() or (closing < -terms.rounding[0]).any():
             raise ModelError(_CHANGING)
         return order
 
