@@ -98,8 +98,12 @@ _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 _massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 
 
+class BeyondScale(ValueError):
+    """The sizes of a problem are beyond the range of numbers."""
+
+
 def scaled(problem: Problem, massless: bool = False) -> System:
-    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
+    """The system of `problem`, made once; BeyondScale where its sizes are beyond the range of numbers.
 
     `massless`: the system in all unknowns, measured by demanded rates and loads; only where velocities can be
     eliminated.
@@ -135,7 +139,7 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     else:
         fitted(entries(), rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
-        raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
+        raise BeyondScale("A: its sizes, and those of b, are beyond what double precision can scale")
     return System(
         partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
         left.recover, left.condensed and left.condensed.scaled(s, rows, d),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
+from rungwise.contact.prepare.system import BeyondScale
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
@@ -27,8 +28,12 @@ def ask(
     problem: ContactProblem, terms: Terms, state: State, scratch: Scratch, deadline: Deadline
 ) -> tuple[bool, Certificate | None]:
     """Whether `rw.solve` solves a step's problem, and else the checked certificate of a jam, if there is one.
-    The forces of a solution become the forces to start from. Raises TimeOver."""
-    answer = solve(problem, limit=deadline.seconds)
+    The forces of a solution become the forces to start from. A step so short that no numbers scale its
+    problem is not solved. Raises TimeOver."""
+    try:
+        answer = solve(problem, limit=deadline.seconds)
+    except BeyondScale:
+        return False, None
     if answer.status == Status.SOLVED:
         for k, force in enumerate(answer.r.reshape(-1, IN_SPACE)):
             slot = scratch.slots[k]
