@@ -21,7 +21,7 @@ from rungwise.planning.design.optimise import Tuner
 from rungwise.planning.lift import repair
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
 from rungwise.planning.modes.forces.mode_motions import projected, turn
-from rungwise.planning.modes.tree import _at_speeds
+from rungwise.planning.modes.tried import _at_speeds
 from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.joint_transit import SpaceTransit
 from rungwise.planning.motion.placements import Placing

@@ -259,6 +259,11 @@ class Surroundings(Protocol):
         pose, with what stands still, along normals (m, d), in the world, that go into it; turns about the
         normals as they are."""
 
+    def room(self, q: Reals, body: int, points: Reals, normals: Reals, pairs: Ints) -> Reals:
+        """How far it is (m,) from points (m, d) of a body, in the frame of its pose, along outward normals
+        (m, d), in the world, to what it may touch by these of the scene's contacts (c,); infinite where
+        nothing is next in the way that is among these, and in the plane, where nobody asks."""
+
     def changed(self, q: Reals, change: Reals) -> Reals:
         """The place (n_q,) after a change (n_v,)."""
 

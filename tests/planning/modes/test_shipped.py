@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import rungwise as rw
-from rungwise.planning.modes import tree
+from rungwise.planning.modes import tried
 
 KEPT = Path(__file__).parents[3] / "docs" / "gallery"
 
@@ -60,5 +60,5 @@ def test_a_scene_with_fingers_is_planned_and_lifted(name: str, seed: int) -> Non
 def test_fingers_are_placed_on_any_number_of_pairs_of_opposite_places(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tree, "PAIRS", 23)
+    monkeypatch.setattr(tried, "PAIRS", 23)
     assert rw.plan("card", limit=60.0).found

@@ -30,8 +30,8 @@ from rungwise.planning.modes.balance import (
 from rungwise.planning.modes.follow import Way, follow
 from rungwise.planning.modes.frames import drawn_about, marks
 from rungwise.planning.modes.ground import Ground, Seen
-from rungwise.planning.modes.outlines import alike, opposite
 from rungwise.planning.modes.pushed import led_target
+from rungwise.planning.modes.tried import covered, draws, pool, supposed
 from rungwise.planning.search.problem import LEGS, TREES
 
 AIMED = 0.7
@@ -51,15 +51,8 @@ ROWS = 200
 """Nodes for which room is made at a time."""
 CHOSEN, GREEDY = 4, 0.3
 """Modes that a node is extended in, and how often these are the best."""
-PAIRS, TRIES, PLACED, ENOUGH = 24, 60, 24, 6
-"""Pairs of opposite places on the outline, of which some are drawn for fingers; how often, for a mode; of
-these, how often fingers are placed, and those that fit after which no more are."""
-LEAVES, IDLE = 0.6, 0.25
-"""How often a finger changes its place, and then touches nothing."""
-ALONE = 0.2
-"""How often a finger at a given speed pushes alone, where others could push beside it."""
-OPPOSITE = 0.5
-"""How often a finger is placed across the object from another."""
+PLACED, ENOUGH = 24, 6
+"""How often fingers that are drawn are placed, for a mode; and those that fit after which no more are."""
 REGRASPS = 0.3
 """How often fingers change places where they need not."""
 NO_MODE, NO_BALANCE, NO_PLACE = "no mode", "no balance", "no place for fingers"
@@ -255,27 +248,30 @@ def _grasps(
     if not may_change or (kept and rng.random() > REGRASPS):
         return
     may = could(ground, seen, mode, want, press)
-    parts = _pool(ground, seen, used, rng)
+    parts = pool(ground, seen, used, rng)
     count = len(ground.columns)
     edges = finger_edges(ground, seen, parts) if ground.is_free_body and not ground.is_wide else None
     if may is None or (edges is not None and not may(edges.reshape(-1, count), False)):
         failed[NO_BALANCE] += not kept
         return
     found, fits, placed, fitting = 0, carried(ground, seen) is not None, 0, None
-    alone = rng.permutation(2 * PAIRS) if (ground.own >= 0).sum() == 1 else None
-    for k in range(TRIES if alone is None else 2 * PAIRS):
+    # Arms with joints to spare come to the very place that is drawn, but that takes them long.
+    dear = edges is not None and any(f.is_redundant for f in ground.fingers) and ground.around.tangents == 2
+    barred = covered(ground, seen, parts) if dear else np.zeros(len(parts), bool)
+    for changes, own, picked in draws(ground, used, rng):
         look(1)
-        changes, own, picked = _drawn(ground, used, rng)
-        if alone is not None:
-            picked[:] = alone[k]
         staying = used * (1 - changes)
         if edges is not None:
             holding = held_edges(ground, seen, staying) if staying.any() else np.zeros((0, count))
             every = np.vstack([holding, *edges[picked[own * changes > 0]]])
-            if not may(every, True):
+            if barred[picked[own * changes > 0]].any() or not may(every, True):
                 continue
         if not fits and staying.sum() < used.sum() and rests(ground, seen, staying) is None:
             continue
+        if dear:
+            hoped = supposed(ground, seen, changes, own, parts[picked])
+            if not _makes(ground, hoped, own, mode, want, press):
+                continue
         begun = _placed(ground, seen, changes, own, parts[picked], used, home, rng)
         placed += 1
         if begun is not None and _makes(ground, begun, own, mode, want, press):
@@ -302,59 +298,6 @@ def _makes(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: 
     ):
         return False
     return motion(ground, seen, used, mode, want, press) is not None
-
-
-def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, Ints, Ints]:
-    """Which fingers change places (f,), which touch the object then (f,), and where in the pool (f,)."""
-    count, can = len(ground.fingers), np.flatnonzero(ground.own >= 0)
-    changes = np.zeros(count, np.int64)
-    changes[can] = (rng.random(len(can)) < LEAVES) | (used[can] == 0)
-    if not changes.any():
-        changes[rng.choice(can)] = 1
-    own = used * (1 - changes)
-    touching = np.flatnonzero(changes)
-    own[touching] = rng.random(len(touching)) >= (IDLE if len(can) > 1 else 0.0)
-    if not own.any():
-        own[rng.choice(touching)] = 1
-    picked = rng.integers(2 * PAIRS, size=count)
-    if not ground.fingers[0].carrier.by_place and own.sum() > 1:
-        _at_speeds(used, changes, own, picked, rng)
-        return changes, own, picked
-    held, moved = np.flatnonzero(own), np.flatnonzero(changes * own)
-    if len(held) > 1 and len(moved) and rng.random() < OPPOSITE:
-        one = int(rng.choice(moved))
-        other = int(rng.choice(held[held != one]))
-        picked[one] = (picked[other] + PAIRS) % (2 * PAIRS) if changes[other] else 2 * PAIRS + other
-    return changes, own, picked
-
-
-def _at_speeds(used: Ints, changes: Ints, own: Ints, picked: Ints, rng: np.random.Generator) -> None:
-    """Let fingers at given speeds push side by side, where two would jam what is between them: beside one
-    that is drawn, or that stays; or let that one push alone."""
-    staying = np.flatnonzero(own * used * (1 - changes))
-    one = int(rng.choice(staying if len(staying) else np.flatnonzero(own)))
-    if rng.random() < ALONE:
-        changes[(own > 0) & (used > 0) & (np.arange(len(own)) != one)] = 1
-        own[:] = 0
-        own[one] = 1
-        return
-    for f in np.flatnonzero(own):
-        if f != one:
-            changes[f] = 1
-            picked[f] = 2 * PAIRS + len(own) + (len(own) + picked[one] if changes[one] else one)
-
-
-def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> Reals:
-    """Parts of the outline of which some are drawn: any, then those opposite of them, then those opposite of
-    each finger, as far as it touches; where fingers move at given speeds, then parts beside each finger, and
-    beside all that come first."""
-    drawn = rng.random(PAIRS)
-    places = np.array([ground.part(seen, f)[0] if used[f] else 0.0 for f in range(len(used))])
-    outline = ground.around.outline(ground.body)
-    found = np.concatenate([drawn, opposite(outline, np.concatenate([drawn, places]), ground.task.size)])
-    if ground.fingers[0].carrier.by_place or len(used) == 1:
-        return found
-    return np.concatenate([found, alike(outline, np.concatenate([places, found[: 2 * PAIRS]]), rng)])
 
 
 def _placed(

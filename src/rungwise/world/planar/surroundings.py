@@ -120,6 +120,9 @@ class PlanarSurroundings:
             found[:, k, columns] = np.column_stack([way, turning])
         return found
 
+    def room(self, q: Reals, body: int, points: Reals, normals: Reals, pairs: Ints) -> Reals:  # noqa: ARG002
+        return np.full(len(points), math.inf)
+
     def moved_by(self, columns: Ints) -> Ints:
         return np.unique(self.owners[columns])
 

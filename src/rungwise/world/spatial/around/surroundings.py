@@ -24,6 +24,10 @@ ALONG, MOST = 1e-3, 4
 """How far normals may differ of contacts of one pair of bodies of which only those are kept between which the
 others lie, nearly; and how many these are."""
 
+WITHIN = 0.01
+"""How deep within a body, in parts of the radius of its largest geom, rays begin that look for what is next
+to its surface: it may overlap that a little."""
+
 
 class SpatialSurroundings:
     """See `Surroundings`. Servos are known by the joints that they lead (`Driven`), so that `stiffness` is 0
@@ -193,6 +197,17 @@ class SpatialSurroundings:
         if self.tangents == 2:
             return np.asarray(found)
         return np.concatenate([found, (normals @ turning)[:, None]], axis=1)
+
+    def room(self, q: Reals, body: int, points: Reals, normals: Reals, pairs: Ints) -> Reals:
+        m, d, found = self._model, self._placed(q), np.full(len(points), math.inf)
+        deep = WITHIN * float(m.geom_rbound[m.geom_bodyid == body].max())
+        hit, among = np.zeros(1, np.int32), set(pairs.tolist())
+        begins = d.xpos[body] + points @ d.xmat[body].reshape(3, 3).T - deep * normals
+        for k, (begin, way) in enumerate(zip(begins, normals, strict=True)):
+            far = self._mujoco.mj_ray(m, d, begin, way, None, True, body, hit)
+            if hit[0] >= 0 and int(self._ids[body, m.geom_bodyid[hit[0]]]) in among:
+                found[k] = far - deep
+        return found
 
     def changed(self, q: Reals, change: Reals) -> Reals:
         found = q.copy()
