@@ -2,6 +2,7 @@
 not quite as planned; and whether MuJoCo reaches the goal with the plan.
 
     python benchmarks/feedback.py [--tasks NAMES] [--samples M] [--seed SEED] [--plans FOLDER]
+        [--open-loop]
 
 Errors are uniform: of the object's start up to 2 mm and 2 degrees, as far as it may lie so, of the start of
 each finger or joint of a robot up to 2 mm or 2 degrees, of all coefficients of friction up to 20 %. The same
@@ -145,7 +146,9 @@ def row(name: str, asked: argparse.Namespace) -> str:
     model, tol = plan.stage.model, plan.tol
     trials = Trials(plan, model, tol, "open loop", asked.seed, threads=1)
     points = trials.draw(asked.samples)
-    ends = [Code(int(code)) for code in trials.run(points)[0]]
+    ends, of = [Code(int(code)) for code in trials.run(points)[0]], partial(told, samples=asked.samples)
+    if asked.open_loop:
+        return f"{short:16} {plan.duration:5.1f} {of(ends):>9} {'-':>9}  {in_mujoco(plan)}"
     fed, seen, made = FedBack(plan, model, tol, asked.noise), list[Code](), list[Any]()
     failed = list[str]()
     for k, point in enumerate(points):
@@ -155,7 +158,6 @@ def row(name: str, asked: argparse.Namespace) -> str:
         if outcome != Code.GOAL:
             said = f"{fed.policy.status} {fed.policy.reason}".rstrip()
             failed.append(f"{k}: {outcome.name.lower()}, {said}")
-    of = partial(told, samples=asked.samples)
     median = [
         statistics.median(getattr(each, key) for each in made) if made else 0 for key in ("steps", "seconds")
     ]
@@ -188,6 +190,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--limit", type=float, default=120.0, help="seconds of each planning")
+    parser.add_argument("--open-loop", action="store_true", help="without feedback, which may take long")
     parser.add_argument("--plans", help="a folder of plans that are used again")
     return parser.parse_args()
 
