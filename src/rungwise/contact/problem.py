@@ -32,6 +32,10 @@ MOST_DIRECTIONS = 3
 """Directions of a contact: normal, and two tangents in space. Those of a step may also resist turning."""
 
 
+class BeyondScale(ValueError):
+    """The sizes of a problem are beyond the range of numbers."""
+
+
 def _empty() -> Array:
     return np.zeros(0)
 

@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from rungwise.contact.prepare.elimination import Left, eliminated, everything
 from rungwise.contact.prepare.product import Condensed, Product
 from rungwise.contact.prepare.units import Sparse, compressed, expand, fitted, measured, rescaled
-from rungwise.contact.problem import Array, Laws, Problem
+from rungwise.contact.problem import Array, BeyondScale, Laws, Problem
 from rungwise.kernel import Ints, Reals, kernel
 
 
@@ -96,10 +96,6 @@ class System:
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 _massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
-
-
-class BeyondScale(ValueError):
-    """The sizes of a problem are beyond the range of numbers."""
 
 
 def scaled(problem: Problem, massless: bool = False) -> System:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
-from rungwise.contact.prepare.system import BeyondScale
+from rungwise.contact.problem import BeyondScale
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
