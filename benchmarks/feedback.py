@@ -66,7 +66,9 @@ def varied(name: str) -> rw.Scene | rw.SpaceScene:
     if "bodies" in fields:
         lies_elsewhere(fields, *IN_PLANE[name], error)
     else:
-        fields["model"]["file"] = str((file.parent / fields["model"]["file"]).resolve())
+        for each in (fields["model"], *fields["model"].get("parts", {}).values()):
+            if not each["file"].startswith("package://"):
+                each["file"] = str((file.parent / each["file"]).resolve())
         begins_elsewhere(rw.load(file), fields, error)
     fields["task"]["uncertain"] = uncertain
     return rw.load(fields)
