@@ -139,6 +139,23 @@ def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None
     assert run.outcome == rw.Outcome.GOAL and not all(each.kept for each in policy.proposals)
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_hands_of_joined_links_go_on_from_what_is_measured(seed: int) -> None:
+    """Joints of a run are open by its errors, and closing them lets links overlap what they touch."""
+    data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)
+    data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
+    data["bodies"]["disc"]["pose"]["x"] = "aside"
+    plan = rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed, limit=300)
+    policy = plan.policy()
+    for aside in (0.002, -0.005):
+        policy.restart()
+        run = rw.simulate(
+            plan.scene, "quasistatic-compliant", parameters=plan.parameters | {"aside": aside}, tol=plan.tol,
+            control=policy, rate=policy.rate, duration=policy.duration,
+        )  # fmt: skip
+        assert run.outcome == rw.Outcome.GOAL, policy.reason
+
+
 def test_the_cheapest_rung_from_which_a_plan_held_is_adequate() -> None:
     plan = planned("push")
     assert (

@@ -57,6 +57,9 @@ WAITED = 0.1
 FIRM = 10.0
 """What a change of a robot's place weighs over one of an object's, where measured bodies are moved apart:
 joints are known better than objects."""
+IN_TURN = 100
+"""Times that measured bodies are moved apart, and their joints closed, at most: either undoes a little of the
+other."""
 CLOSED = 2e-3
 """Gap, in parts of the size, within which contacts are expected to be closed."""
 
@@ -119,8 +122,12 @@ class Policy:
         self._average = count("average", average, 1)
         self._around: Surroundings | None = world.surroundings(plan.parameters)
         self._firm = self._firmness()
+        self._place = world.place(plan.parameters)
         self._work = begun(plan, Budget(), plan.seed, 1)
         self._task = self._work.task
+        weights = self._task.weights
+        places = 1.0 / np.where(weights > 0.0, weights, 1.0)
+        self._free = np.concatenate([places, np.ones(len(plan.scene.template.velocities))])
         self._nominal = self._work.predictor(self._stage)
         self._rest = rest_of(plan, self._nominal, self._work)
         self._whole = whole(plan, self._work)
@@ -285,10 +292,15 @@ class Policy:
         """The allowed place nearest to a measured one, as the planner goes on from it. Raises StateError."""
         q = q.copy()
         self.plan.scene.normalise(q, "state.q", StateError)
-        if self._around is not None:
-            touching = self._around.touches(expected, CLOSED * self._task.size)
-            closed: Ints = np.unique(touching.pairs[touching.gaps <= CLOSED * self._task.size])
-            q = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm)
+        if self._around is None:
+            return self._nominal.measured(q, v, self._levels)
+        touching = self._around.touches(expected, CLOSED * self._task.size)
+        closed: Ints = np.unique(touching.pairs[touching.gaps <= CLOSED * self._task.size])
+        for _ in range(IN_TURN):
+            opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm)
+            (q,), (v,) = self._place.closed(opened[None], v[None], self._free)
+            if (q == opened).all() or not (self._around.touches(q, 0.0).gaps < 0.0).any():
+                break
         return self._nominal.measured(q, v, self._levels)
 
     def _firmness(self) -> Reals | None:
