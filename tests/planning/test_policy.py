@@ -124,11 +124,16 @@ def test_a_box_that_lies_elsewhere_is_brought_to_the_goal() -> None:
     assert simulation.outcome == rw.Outcome.GOAL
 
 
-def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None:
+def plan_of_a_hand(seed: int) -> rw.Plan:
+    """A plan of a planar hand of joined links, whose disc may lie `aside`."""
     data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)
     data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
     data["bodies"]["disc"]["pose"]["x"] = "aside"
-    plan = rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=0, limit=300)
+    return rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed, limit=300)
+
+
+def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None:
+    plan = plan_of_a_hand(0)
     assert "follow" in plan.labels
     elsewhere = plan.parameters | {"aside": 0.005}
     policy = plan.policy()
@@ -142,10 +147,7 @@ def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None
 @pytest.mark.parametrize("seed", [1, 2])
 def test_hands_of_joined_links_go_on_from_what_is_measured(seed: int) -> None:
     """Joints of a run are open by its errors, and closing them lets links overlap what they touch."""
-    data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)
-    data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
-    data["bodies"]["disc"]["pose"]["x"] = "aside"
-    plan = rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed, limit=300)
+    plan = plan_of_a_hand(seed)
     policy = plan.policy()
     for aside in (0.002, -0.005):
         policy.restart()
