@@ -108,6 +108,15 @@ def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals,
     return _run(code, constants, start, stop, values, stack, False) + 0.0
 
 
+@kernel
+def evaluate_all(
+    code: Ints, constants: Reals, table: Ints, values: Reals, stack: Reals, found: Reals
+) -> None:
+    """Fill found (k,) with the values of all programs of a table (k, 2)."""
+    for k in range(table.shape[0]):
+        found[k] = evaluate(code, constants, table[k, 0], table[k, 1], values, stack)
+
+
 @inner_kernel
 def holds(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> bool:
     """Whether a condition, compiled as above, holds; evaluation ends once that is known."""

@@ -14,7 +14,7 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.laws.contact import CHOICES
-from rungwise.scene.language.expression import STACK, Programs, evaluate
+from rungwise.scene.language.expression import STACK, Programs, evaluate_all
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
@@ -53,25 +53,50 @@ class Source(Protocol):
     def conditions(self) -> Mapping[str, object]: ...
 
 
-class Told(NamedTuple):
-    """Programs of controls and speeds, and for each its field and the number of the control or speed."""
+class Following(NamedTuple):
+    """Programs (k,) of controls or of speeds, their fields, and the numbers (k,) of what they set."""
 
     programs: Programs
-    targets: tuple[tuple[str, int], ...]
+    fields: tuple[str, ...]
+    numbers: Ints
+
+    @classmethod
+    def of(cls, scene: Source, kind: str, given: Mapping[str, object], known: Sequence[str]) -> Following:
+        """Raises SceneError for unknown names."""
+        names, fields = scene.template.names(), tuple(f"{kind}.{name}" for name in given)
+        numbers = [_number_of(name, known, field) for name, field in zip(given, fields, strict=True)]
+        texts = zip(given.values(), fields, strict=True)
+        codes = [names.number(str(text), field, timed=True) for text, field in texts]
+        return cls(Programs(codes), fields, np.array(numbers, np.int64))
+
+    def tell(self, values: Reals, target: Reals) -> None:
+        """Set a target's numbers from parameters and t (p + 1,). Raises InvalidScene."""
+        found, programs = np.empty(len(self.numbers)), self.programs
+        evaluate_all(programs.code, programs.constants, programs.table, values, np.empty(STACK), found)
+        if not np.isfinite(found).all():
+            k = int(np.flatnonzero(~np.isfinite(found))[0])
+            raise InvalidScene(f"{self.fields[k]}: must be finite, not {found[k]:g} at t = {values[-1]:g}")
+        target[self.numbers] = found
+
+
+class Told(NamedTuple):
+    """What follows parameters and time."""
+
+    controls: Following
+    speeds: Following
 
     @classmethod
     def of(cls, scene: Source) -> Told:
         """Raises SceneError for unknown names."""
-        names, codes, found = scene.template.names(), [], list[tuple[str, int]]()
-        for kind, given, known in (
-            ("controls", scene.file.controls, scene.labels.actuators),
-            ("speeds", scene.file.speeds, scene.template.velocities),
-        ):
-            for name, text in given.items():
-                path = f"{kind}.{name}"
-                found.append((path, _number_of(name, known, path)))
-                codes.append(names.number(str(text), path, timed=True))
-        return cls(Programs(codes), tuple(found))
+        file = scene.file
+        return cls(
+            Following.of(scene, "controls", file.controls, scene.labels.actuators),
+            Following.of(scene, "speeds", file.speeds, scene.template.velocities),
+        )
+
+    @property
+    def is_empty(self) -> bool:
+        return not (self.controls.fields or self.speeds.fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +123,20 @@ class SpaceBound:
     step: float
     notes: tuple[str, ...] = ()
 
-    def tell(self, values: Reals, kinds: Sequence[str] = ("controls", "speeds")) -> None:
-        """Set controls and speeds, or one kind of them, from parameters and t (p + 1,)."""
-        stack, programs = np.zeros(STACK), self.told.programs
-        for (path, index), (start, stop) in zip(self.told.targets, programs.table, strict=True):
-            kind = path.partition(".")[0]
-            if kind not in kinds:
-                continue
-            target = self.control if kind == "controls" else self.pace
-            value = float(evaluate(programs.code, programs.constants, start, stop, values, stack))
-            if not np.isfinite(value):
-                raise InvalidScene(f"{path}: must be finite, not {value:g} at t = {values[-1]:g}")
-            target[index] = value
+    def tell(self, values: Reals) -> None:
+        """Set controls and speeds from parameters and t (p + 1,). Raises InvalidScene."""
+        self.tell_controls(values)
+        self.tell_speeds(values)
+
+    def tell_controls(self, values: Reals) -> None:
+        """As `tell`, controls alone."""
+        if self.told.controls.fields:
+            self.told.controls.tell(values, self.control)
+
+    def tell_speeds(self, values: Reals) -> None:
+        """As `tell`, speeds alone."""
+        if self.told.speeds.fields:
+            self.told.speeds.tell(values, self.pace)
 
 
 def bind(scene: Source, values: Reals) -> SpaceBound:

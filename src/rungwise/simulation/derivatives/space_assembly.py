@@ -102,9 +102,9 @@ class SpaceAssembly:
             return
         self._told_at = time, h
         self._told[-1] = time + 0.5 * h
-        self._bound.tell(self._told, ("speeds",))
+        self._bound.tell_speeds(self._told)
         self._told[-1] = time + h
-        self._bound.tell(self._told, ("controls",))
+        self._bound.tell_controls(self._told)
         self._system.expect(h)
 
     def _put(self, start: Start) -> None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, kernel
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
@@ -78,12 +78,23 @@ def touching(stepper: Stepper, space: Space) -> Touch:
     """Contacts of the last step, where they were at its start."""
     kept, state = space.kept, stepper.state
     slots = np.flatnonzero(kept.geoms[:, 0] >= 0)
-    world, force = kept.world[slots], state.force[slots]
-    normal, along = world[:, 3:6], world[:, 6:9]
-    pushed = force[:, :1] * normal + force[:, 1:2] * along + force[:, 2:3] * np.cross(normal, along)
+    world, pushed = kept.world[slots], np.empty((len(slots), 3))
+    put_forces(world, state.force, slots, pushed)
     return Touch(
-        world[:, :3], normal, pushed, world[:, 10], state.modes[slots], kept.geoms[slots], world[:, 9]
+        world[:, :3], world[:, 3:6], pushed, world[:, 10], state.modes[slots], kept.geoms[slots], world[:, 9]
     )
+
+
+@kernel
+def put_forces(world: Reals, force: Reals, slots: Ints, pushed: Reals) -> None:
+    """Fill pushed (c, 3): forces in the world of contacts (c, 11), from those along their directions, by
+    slot."""
+    for c, slot in enumerate(slots):
+        normal, along = world[c, 3:6], world[c, 6:9]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            across = normal[j] * along[k] - normal[k] * along[j]
+            pushed[c, i] = force[slot, 0] * normal[i] + force[slot, 1] * along[i] + force[slot, 2] * across
 
 
 MODES = ("open", "stick", "slip")

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals, kernel
+from rungwise.simulation.core.state import State
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.memory import flattened, restored
-from rungwise.system.spatial.features import FREE
+from rungwise.system.spatial.features import FREE, Features
 from rungwise.system.spatial.space import Space
 
 HEAD = 7
@@ -40,17 +41,62 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
 
 def remembered(stepper: Stepper, space: Space) -> Reals:
     """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
-    arrays, state = _arrays(stepper, space), stepper.state
-    moved = [(each != 0.0).any(axis=1) for each in (state.deformation, state.force, state.impulse)]
-    active = np.flatnonzero((state.modes != 0) | moved[0] | moved[1] | moved[2])
-    known = np.flatnonzero(space.kept.geoms[:, 0] >= 0)
-    head = np.array([space.margin, stepper.leapt, *_sizes(stepper, space), len(active), len(known)])
-    parts = [
-        *arrays.whole,
-        *(each[active] for each in arrays.state),
-        *(each[known] for each in arrays.features),
-    ]
-    return np.concatenate([head, active, known, *flattened(parts)])
+    arrays, state, kept = _arrays(stepper, space), stepper.state, space.kept
+    active, known = np.empty(len(state.modes), np.int64), np.empty(len(kept.geoms), np.int64)
+    actives, knowns, size = used_slots(state, kept, active, known)
+    active, known, rows = active[:actives], known[:knowns], np.empty(size)
+    head = np.array([space.margin, stepper.leapt, *_sizes(stepper, space), actives, knowns])
+    put_rows(state, kept, active, known, rows, rows.view(np.int64))
+    return np.concatenate([head, active, known, *flattened(arrays.whole), rows])
+
+
+@kernel
+def used_slots(state: State, kept: Features, active: Ints, known: Ints) -> tuple[int, int, int]:
+    """Fill in which slots of the state and of features are in use; returns how many, and the numbers of their
+    rows."""
+    actives = knowns = 0
+    for s in range(state.modes.shape[0]):
+        used = state.modes[s] != 0
+        for rows in (state.deformation, state.force, state.impulse):
+            for k in range(rows.shape[1]):
+                used |= rows[s, k] != 0.0
+        if used:
+            active[actives] = s
+            actives += 1
+    for s in range(kept.geoms.shape[0]):
+        if kept.geoms[s, 0] >= 0:
+            known[knowns] = s
+            knowns += 1
+    of_state = 1 + state.deformation.shape[1] + state.force.shape[1] + state.impulse.shape[1]
+    of_feature = 2 + kept.place.shape[1] + kept.along.shape[1] + kept.world.shape[1]
+    return actives, knowns, actives * of_state + knowns * of_feature
+
+
+@kernel
+def put_rows(state: State, kept: Features, active: Ints, known: Ints, rows: Reals, bits: Ints) -> None:
+    """Fill rows with those of the state and of features in use, in the order of `_arrays`; `bits` are the
+    same numbers as integers."""
+    at = 0
+    for s in active:
+        bits[at] = state.modes[s]
+        at += 1
+    for of_state in (state.deformation, state.force, state.impulse):
+        at = _put(of_state, active, rows, at)
+    for s in known:
+        bits[at], bits[at + 1] = kept.geoms[s, 0], kept.geoms[s, 1]
+        at += 2
+    for of_feature in (kept.place, kept.along, kept.world):
+        at = _put(of_feature, known, rows, at)
+
+
+@kernel
+def _put(source: Reals, slots: Ints, rows: Reals, at: int) -> int:
+    """Copy these rows of an array into others; returns where they end."""
+    for s in slots:
+        for k in range(source.shape[1]):
+            rows[at] = source[s, k]
+            at += 1
+    return at
 
 
 def activations(core: Reals, count: int) -> Reals:

@@ -75,14 +75,14 @@ class SpaceSimulation(MovingSimulation):
         """Set speeds as of the middle of a step, so that ways are exact, and controls as of its end. Raises
         InvalidScene."""
         told = self._values.told
-        if not self._bound.told.targets:
+        if self._bound.told.is_empty:
             self._clock.tell(time + h, told)
             self.space.expect(h)
             return
         self._clock.tell(time + 0.5 * h, told)
-        self._bound.tell(told, ("speeds",))
+        self._bound.tell_speeds(told)
         self._clock.tell(time + h, told)
-        self._bound.tell(told, ("controls",))
+        self._bound.tell_controls(told)
         self.space.expect(h)
 
     def remembered(self) -> Reals:

@@ -33,6 +33,7 @@ class Limited:
         self.drives, self.lever, self.free, self.first = drives, lever, free, first
         self.limits = Limits(model)
         self._basis = self._own = np.zeros((0, len(lever) + 1))
+        self._unit = np.zeros(0)
 
     def fill(self, d: mujoco.MjData, moment: Reals, acting: Reals, loads: bool, terms: Terms) -> None:
         """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
@@ -41,31 +42,19 @@ class Limited:
         ne, nf, ns = int(d.ne), int(d.nf), len(drive.servos)
         if ne + nf + ns == 0:
             return
-        S = terms.limited
-        S[: ne + nf] = _rows(d, ne + nf, S.shape[1])
-        S[ne + nf :] = moment[drive.servos]
-        unit = _units(S, self.lever)
-        S *= unit[:, None]
-        terms.limit[:ne] = np.inf
-        terms.limit[ne : ne + nf] = d.efc_frictionloss[ne : ne + nf] / unit[ne : ne + nf]
-        terms.limit[ne + nf :] = drive.limit[drive.servos] / unit[ne + nf :]
-        terms.account[:ne], terms.account[ne : ne + nf], terms.account[ne + nf :] = JOINT, SUPPORT, DRIVE
-        terms.gains[:ne] = np.inf, 0.0
-        terms.gains[ne : ne + nf] = 0.0
-        open_by = d.efc_pos[:ne] * unit[:ne]
-        # As with gaps: what closes an opening by rounding would be great forces of friction.
-        terms.error[:ne, 0] = np.where(np.abs(open_by) > terms.rounding[0], -open_by, 0.0)
-        if ne > 1:
-            self._agree(S[:ne], terms)
-        terms.error[ne : ne + nf] = 0.0
-        own = unit[ne + nf :]
-        terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
+        if len(self._unit) < ne + nf + ns:
+            self._unit = np.zeros(ne + nf + ns)
+        rows = terms.limited
+        if ne + nf:
+            _put_rows(d, rows[: ne + nf])
+        rows[ne + nf :] = moment[drive.servos]
         wish = drive.errors(acting, d.actuator_length, loads)
-        # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
-        stiff, damp = drive.gains.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            terms.error[ne + nf :, 0] = np.where(stiff > 0.0, wish / stiff, 0.0) * own
-            terms.error[ne + nf :, 1] = np.where(stiff > 0.0, 0.0, wish / damp) * own
+        fill_rows(
+            (ne, nf), d.efc_pos, d.efc_frictionloss, drive.servos, drive.limit, drive.gains, wish, self.lever,
+            self._unit, terms,
+        )  # fmt: skip
+        if ne > 1:
+            self._agree(rows[:ne], terms)
 
     def _agree(self, rows: Reals, terms: Terms) -> None:
         """Let equalities that say what others say, as those of a closed loop do, ask for what the others ask
@@ -113,6 +102,54 @@ class Limited:
         open_by = np.where(np.array(own) < d.ne, np.abs(d.efc_pos[own]), np.maximum(-d.efc_pos[own], 0.0))
         lengths = open_by * _units(rows[own], self.lever)
         return list(zip(lengths.tolist(), d.efc_type[own].tolist(), d.efc_id[own].tolist(), strict=True))
+
+
+@kernel
+def fill_rows(
+    counts: tuple[int, int], opening: Reals, loss: Reals, servos: Ints, force: Reals, gains: Reals,
+    wish: Reals, lever: Reals, unit: Reals, terms: Terms,
+) -> None:  # fmt: skip
+    """Scale the rows of `terms.limited` (r, n) to lengths, and fill what goes with them: of so many
+    equalities, which are open by `opening` (k,), of dry friction with `loss` (k,), and of servos (s,) with
+    these limits of force (a,), gains (s, 2) and errors (s,) of `Drives.errors`; unit (r,) is filled, too."""
+    S, (ne, nf) = terms.limited, counts
+    put_units(S, lever, unit)
+    for r in range(S.shape[0]):
+        u = unit[r]
+        for i in range(S.shape[1]):
+            S[r, i] *= u
+        terms.error[r, 0] = terms.error[r, 1] = terms.gains[r, 0] = terms.gains[r, 1] = 0.0
+        if r < ne:
+            terms.account[r], terms.limit[r], terms.gains[r, 0] = JOINT, math.inf, math.inf
+            # As with gaps: what closes an opening by rounding would be great forces of friction.
+            if abs(opening[r] * u) > terms.rounding[0]:
+                terms.error[r, 0] = -(opening[r] * u)
+        elif r < ne + nf:
+            terms.account[r], terms.limit[r] = SUPPORT, loss[r] / u
+        else:
+            k = r - ne - nf
+            stiff, damp = gains[k, 0], gains[k, 1]
+            terms.account[r], terms.limit[r] = DRIVE, force[servos[k]] / u
+            terms.gains[r, 0], terms.gains[r, 1] = stiff / (u * u), damp / (u * u)
+            # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
+            if stiff > 0.0:
+                terms.error[r, 0] = wish[k] / stiff * u
+            else:
+                terms.error[r, 1] = wish[k] / damp * u
+
+
+@kernel
+def put_units(rows: Reals, lever: Reals, unit: Reals) -> None:
+    """Fill factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit, and so does
+    one that is nothing beside the longest."""
+    longest = 0.0
+    for r in range(rows.shape[0]):
+        unit[r] = 0.0
+        for i in range(rows.shape[1]):
+            unit[r] = max(unit[r], abs(rows[r, i] / lever[i]))
+        longest = max(longest, unit[r])
+    for r in range(rows.shape[0]):
+        unit[r] = 1.0 / unit[r] if unit[r] > NOISE * longest else 1.0
 
 
 @kernel
@@ -186,17 +223,22 @@ class Limits:
 
 def _rows(d: mujoco.MjData, count: int, n: int) -> Reals:
     """The first rows (count, n) of MuJoCo's Jacobian."""
-    import mujoco
-
     rows = np.zeros((count, n))
     if count:
-        own = slice(count)
-        mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz[own], d.efc_J_rowadr[own], d.efc_J_colind)
+        _put_rows(d, rows)
     return rows
 
 
+def _put_rows(d: mujoco.MjData, rows: Reals) -> None:
+    """Fill rows (k, n) with the first of MuJoCo's Jacobian."""
+    import mujoco
+
+    own = slice(len(rows))
+    mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz[own], d.efc_J_rowadr[own], d.efc_J_colind)
+
+
 def _units(rows: Reals, lever: Reals) -> Reals:
-    """Factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit, and so does one
-    that is nothing beside the longest."""
-    most = np.abs(rows / lever).max(axis=1, initial=0.0)
-    return np.asarray(1.0 / np.where(most > NOISE * most.max(initial=0.0), most, 1.0))
+    """Factors (r,) that make rows (r, n) lengths (see `put_units`)."""
+    unit = np.empty(len(rows))
+    put_units(rows, lever, unit)
+    return unit
