@@ -34,10 +34,6 @@ from rungwise.contact.solvers.newton.factors import SMALL, factors
 from rungwise.contact.solvers.settings import CHORDS, HALVINGS
 from rungwise.contact.solvers.work import Work
 
-_YIELD = 1e-7
-"""Least damping of steps in the velocities, in scaled units, where the diagonal of A is about one: blocks
-that are nearly singular lose digits (see `condensed`). Chosen by trial, to a decade."""
-
 Solve = Callable[[Array], Array]
 Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
@@ -188,7 +184,7 @@ def _linear(
 
         def lifted(damping: float) -> Solve | None:
             yielding = E.copy()
-            yielding[i, own] += max(damping, _YIELD)
+            yielding[i, own] += max(damping, LEAST)
             made = solver(condensed, s.rows, d, yielding, rho * derivative)
             if made is None:
                 return None
