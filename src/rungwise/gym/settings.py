@@ -15,7 +15,8 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.planning.task.task import Task, guarded_scene, task_of
+from rungwise.planning.task.reserve import guarded_scene
+from rungwise.planning.task.task import Task, task_of
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.read import load

@@ -19,7 +19,7 @@ from rungwise.outcome import Code
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.explain import diagnoses, drifts, explained, in_what_is_left
-from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put
+from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put, with_places
 from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
@@ -116,8 +116,10 @@ def plan(
     if (rate is not None or improve) and not chosen[-1].model.moves:
         field = "improve" if rate is None else "robust"
         raise TaskError(f"{field}: needs a plan with inputs; on {chosen[-1]} there are only places")
-    work = begin(task, Budget(budget, limit), seed, threads)
     tell = on_progress or _silent
+    work = with_places(begin(task, Budget(budget, limit), seed, threads))
+    if (reserve := work.task.numbers["task.reserve"]) < task.numbers["task.reserve"]:
+        tell(f"goal: a reserve of {reserve:g}, because it holds nowhere with more")
     found = Plan(loaded, task.parameters, seed=seed, version=installed(), reason="nothing was tried")
     arm = reach_in(work)
     why = nowhere(work, apart=arm is None)

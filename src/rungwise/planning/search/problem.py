@@ -20,7 +20,8 @@ from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes
 from rungwise.planning.task.fingers import with_fingers
-from rungwise.planning.task.task import Task, guarded_scene
+from rungwise.planning.task.reserve import guarded_scene
+from rungwise.planning.task.task import Task
 from rungwise.scene.language.lasting import names_in
 from rungwise.simulation.state import State
 from rungwise.world.carriers import TaskError

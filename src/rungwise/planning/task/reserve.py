@@ -1,9 +1,11 @@
-"""Goals made narrower, so that a plan keeps a reserve."""
+"""Scenes as searches see them: goals made narrower, for a reserve, and what to keep out of as unsafe."""
 
 from __future__ import annotations
 
 import ast
 
+from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.task import Task as TaskFields
 from rungwise.scene.language.lasting import FOR, lasting_of, parsed, written
 from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.language.poses import OF_POSES
@@ -56,3 +58,26 @@ def _varies(node: ast.expr) -> bool:
     names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
     dotted = any(isinstance(each, ast.Attribute) for each in ast.walk(node))
     return dotted or bool(names & {"t", "speed", *OF_CONTACTS, *OF_POSES})
+
+
+def search_scene(scene: AnyScene, fields: TaskFields, reserve: float) -> AnyScene:
+    """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
+    goal = scene.file.goal
+    assert goal is not None
+    changes = {"goal": tightened(goal, reserve)} | _unsafe(scene, fields)
+    return scene.changed(**changes)
+
+
+def guarded_scene(scene: AnyScene) -> AnyScene:
+    """The scene with what its task keeps out of as unsafe."""
+    fields = scene.file.task
+    if fields is None or not fields.keep_out:
+        return scene
+    changes = _unsafe(scene, fields)
+    return scene.changed(**changes)
+
+
+def _unsafe(scene: AnyScene, fields: TaskFields) -> dict[str, str]:
+    """The unsafe condition, joined with what to keep out of; empty where there is neither."""
+    conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
+    return {"unsafe": " or ".join(conditions)} if conditions else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
-from rungwise.planning.task.reserve import tightened
+from rungwise.planning.task.reserve import search_scene
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.task import Task as TaskFields
@@ -202,6 +202,12 @@ class Task:
         weights = [self.numbers[f"task.cost.{name}"] for name in ("time", "work", "moves")]
         return np.asarray(weights[0] * time + weights[1] * work + weights[2] * moves)
 
+    def with_reserve(self, reserve: float) -> Task:
+        """The same task with another reserve of its goal."""
+        numbers = {**self.numbers, "task.reserve": reserve}
+        search = search_scene(self.scene, fields_of(self.scene), reserve)
+        return replace(self, numbers=numbers, search=search)
+
 
 def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> Task:
     """The task of a scene at one instance. Raises TaskError and SceneError."""
@@ -223,7 +229,7 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
     duration = (0.0, here.duration) if fields.duration is None else pair(numbers, "task.duration")
     weights = [numbers.get(f"task.weights.{name}", 0.0) for name in scene.template.coordinates]
     return Task(
-        scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
+        scene=scene, search=search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
         weights=np.array(weights) if fields.weights else own.weights, size=own.size,
@@ -375,26 +381,3 @@ def _bounds(scene: AnyScene, fields: TaskFields, numbers: Mapping[str, float]) -
         rows.append((low, high, numbers.get(f"{path}.rate", math.inf)))
     low_, high_, rate = np.array(rows).T
     return low_, high_, rate
-
-
-def _search_scene(scene: AnyScene, fields: TaskFields, reserve: float) -> AnyScene:
-    """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
-    goal = scene.file.goal
-    assert goal is not None
-    changes = {"goal": tightened(goal, reserve)} | _unsafe(scene, fields)
-    return scene.changed(**changes)
-
-
-def guarded_scene(scene: AnyScene) -> AnyScene:
-    """The scene with what its task keeps out of as unsafe."""
-    fields = scene.file.task
-    if fields is None or not fields.keep_out:
-        return scene
-    changes = _unsafe(scene, fields)
-    return scene.changed(**changes)
-
-
-def _unsafe(scene: AnyScene, fields: TaskFields) -> dict[str, str]:
-    """The unsafe condition, joined with what to keep out of; empty where there is neither."""
-    conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
-    return {"unsafe": " or ".join(conditions)} if conditions else {}
