@@ -12,9 +12,10 @@ import yaml
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.lift.geometric_stage import Placed, put, untouched, with_places
+from rungwise.planning.lift.geometric_stage import Placed, put, untouched
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import Placing, needs_forces, placed_part
+from rungwise.planning.search.goals import with_places
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import instances, task_of
 from rungwise.scene.scene import LIBRARY

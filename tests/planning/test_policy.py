@@ -124,6 +124,17 @@ def test_a_box_that_lies_elsewhere_is_brought_to_the_goal() -> None:
     assert simulation.outcome == rw.Outcome.GOAL
 
 
+def test_a_goal_between_narrow_bounds_is_reached_from_elsewhere() -> None:
+    """No place is a fifth within such bounds, so that plan and policy keep less of a reserve."""
+    goal = "box.x >= goal_x - 0.002 and box.x <= goal_x + 0.002 and abs(box.y - goal_y) <= 0.005"
+    scene = rw.load("push").changed(goal=goal)
+    plan = rw.plan(scene, seed=1, task_seed=1001, schedule="quasistatic")
+    assert plan.found, plan.reason
+    policy = plan.policy()
+    assert run(policy, parameters=plan.parameters | {"x": 0.002, "y": -0.003}).outcome == rw.Outcome.GOAL
+    assert policy.proposals
+
+
 def plan_of_a_hand(seed: int) -> rw.Plan:
     """A plan of a planar hand of joined links, whose disc may lie `aside`."""
     data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)

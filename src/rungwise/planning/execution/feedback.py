@@ -19,7 +19,7 @@ from rungwise.planning.modes.hands.gaits import cycled, hand_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
 from rungwise.planning.plan import Plan
-from rungwise.planning.search.goals import goals_of
+from rungwise.planning.search.goals import goals_of, with_places
 from rungwise.planning.search.layout import Course, is_by_modes, lay_out
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.search.shooting import Search, run_moves, shoot
@@ -116,7 +116,7 @@ class Moves:
 def begun(plan: Plan, budget: Budget, seed: int, threads: int | None) -> Work:
     """The work of the search that found a plan, from where it began: legs by contact modes have fingers, also
     where the task does not name them."""
-    work = begin(task_of(plan.scene, plan.parameters), budget, seed, threads)
+    work = with_places(begin(task_of(plan.scene, plan.parameters), budget, seed, threads))
     return work.named if is_by_modes(plan.labels) else work
 
 

@@ -17,7 +17,7 @@ from rungwise.planning.motion.budget import Stage
 from rungwise.planning.motion.free_paths import PlannerMissing
 from rungwise.planning.motion.placements import GOALS, Placing, jumps
 from rungwise.planning.plan import NOTHING, Plan
-from rungwise.planning.search.problem import Work, begin
+from rungwise.planning.search.problem import Work
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT
@@ -26,8 +26,6 @@ from rungwise.world.run import simulate
 
 SURE = 1e-3
 """What is lacking of a goal of which no place was found, if it is to be said that there is none."""
-LESS = (0.5, 0.25, 0.1)
-"""Parts of the task's reserve that are tried in turn where the goal has no place with the whole."""
 LOOKS = 100
 """Places on each leg of a way at which is looked whether a robot touches what moves."""
 
@@ -62,30 +60,6 @@ def nowhere(work: Work, apart: bool = True) -> str:
         "goal: no placement of the bodies was found at which it holds; at the nearest one these terms fail:"
         f" {failing}"
     )
-
-
-def with_places(work: Work) -> Work:
-    """The same, with as much of the reserve as leaves the goal a place, if it has one without: bounds
-    on places have no width of which the reserve could be a part, and a fifth nearer to the origin may be
-    within a floor. Bodies overlap there only if they do at all places of the goal."""
-    task, q = work.task, work.start.q[0]
-    placing = Placing(task, task.scene, q)
-    if not placing.asks or placing.room.bound or jumps(task.scene.file.goal or ""):
-        return work
-
-    def has_place(part: float, yields: bool) -> bool:
-        scene = task.with_reserve(part * task.numbers["task.reserve"]).search
-        placing, rng = Placing(task, scene, q, yields=yields), np.random.default_rng(work.seed)
-        return bool(len(placing.goals(rng, work.budget.is_in_time).places))
-
-    for yields in (False, True):
-        if has_place(1.0, yields):
-            return work
-        if has_place(0.0, yields):
-            part = next((part for part in LESS if has_place(part, yields)), 0.0)
-            narrower = task.with_reserve(part * task.numbers["task.reserve"])
-            return begin(narrower, work.budget, work.seed, work.threads)
-    return work
 
 
 def place(work: Work, without: str = "") -> Placed:

@@ -19,7 +19,7 @@ from rungwise.outcome import Code
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.explain import diagnoses, drifts, explained, in_what_is_left
-from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put, with_places
+from rungwise.planning.lift.geometric_stage import in_the_way, nowhere, place, put
 from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
@@ -28,6 +28,7 @@ from rungwise.planning.modes.reach.planner import has_room, reach_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.plan import HELD, NOTHING, Plan, Record
+from rungwise.planning.search.goals import with_places
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid

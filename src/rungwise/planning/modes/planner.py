@@ -57,7 +57,8 @@ shortest are followed, in turn."""
 WAYS = "ways of objects alone"
 """By which these are kept for all stages."""
 NO_WAY = "no path for the object past its surroundings"
-"""Why no course was found."""
+NO_GOAL = "no place of the objects at the goal"
+"""Why no course, and no tree, was found."""
 
 
 def suits(work: Work) -> bool:
@@ -157,6 +158,9 @@ class ModePlanner:
 
     def search(self, attempts: int) -> Found | None:
         """A plan, after at most so many proposals."""
+        if not len(self._places):
+            self.work.failures[NO_GOAL] += 1
+            return None
         for _ in range(attempts):
             found = self._attempt() if self.work.budget.left else None
             if found is not None:
@@ -331,7 +335,7 @@ class ModePlanner:
         work, found = self.work, list[tuple[float, int, Reals]]()
         q = work.start.q[0]
         goals = self._goals(ground, q)
-        for k in range(GUIDES):
+        for k in range(GUIDES if len(goals) else 0):
             way = guide(ground, q, goals[k % len(goals)], work.seed + k, work.budget.is_in_time)
             if way is not None:
                 long = sum(ground.away(a, b) for a, b in pairwise(way))

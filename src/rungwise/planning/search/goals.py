@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, placed_part
-from rungwise.planning.search.problem import Work
+from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, jumps, placed_part
+from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.reserve import tightened
 from rungwise.planning.task.task import Task
 from rungwise.world.contract import OBJECT
@@ -15,8 +15,34 @@ from rungwise.world.margins import Question
 
 INNER = (0.7, 0.4)
 """Reserves of the goal with which places well within it are sought, the first with which there are some."""
+LESS = (0.5, 0.25, 0.1)
+"""Parts of the task's reserve that are tried in turn where the goal has no place with the whole."""
 GOAL_PLACES = "places at the goal"
 """By which these are kept for all stages."""
+
+
+def with_places(work: Work) -> Work:
+    """The same, with as much of the reserve as leaves the goal a place, if it has one without: bounds
+    on places have no width of which the reserve could be a part, and a fifth nearer to the origin may be
+    within a floor. Bodies overlap there only if they do at all places of the goal."""
+    task, q = work.task, work.start.q[0]
+    placing = Placing(task, task.scene, q)
+    if not placing.asks or placing.room.bound or jumps(task.scene.file.goal or ""):
+        return work
+
+    def has_place(part: float, yields: bool) -> bool:
+        scene = task.with_reserve(part * task.numbers["task.reserve"]).search
+        placing, rng = Placing(task, scene, q, yields=yields), np.random.default_rng(work.seed)
+        return bool(len(placing.goals(rng, work.budget.is_in_time).places))
+
+    for yields in (False, True):
+        if has_place(1.0, yields):
+            return work
+        if has_place(0.0, yields):
+            part = next((part for part in LESS if has_place(part, yields)), 0.0)
+            narrower = task.with_reserve(part * task.numbers["task.reserve"])
+            return begin(narrower, work.budget, work.seed, work.threads)
+    return work
 
 
 def goals_of(work: Work) -> Reals:
