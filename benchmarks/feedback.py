@@ -89,20 +89,24 @@ def lies_elsewhere(fields: dict[str, Any], body: str, along: str, error: Any) ->
 
 
 def begins_elsewhere(scene: SpaceScene, fields: dict[str, Any], error: Any) -> None:
-    """Errors of objects on a floor, along it and about the vertical, and of all joints."""
+    """Errors of objects on a floor, along it and about the vertical, and of all joints, within
+    their ranges."""
     bound, names = scene.bind(), scene.template.coordinates
     places = fields.setdefault("start", {}).setdefault("places", {})
     roles, model = world_of(scene).roles(), bound.model
     begun = model.qpos0 if scene.file.start.settle else bound.place
 
-    def moved(k: int, of: str, most: float) -> None:
-        places[names[k]] = f"{places.get(names[k], begun[k])} + {error(of, most)}"
+    def moved(k: int, of: str, most: float, low: float = -math.inf, high: float = math.inf) -> None:
+        place = f"{places.get(names[k], begun[k])} + {error(of, most)}"
+        place = place if low == -math.inf else f"max({place}, {low})"
+        places[names[k]] = place if high == math.inf else f"min({place}, {high})"
 
     for j in range(model.njnt):
         at, kind = int(model.jnt_qposadr[j]), int(model.jnt_type[j])
         body = scene.template.bodies[int(model.jnt_bodyid[j])]
         if kind in (SLIDE, HINGE):
-            moved(at, names[at].replace(".", "_"), FAR if kind == SLIDE else TURNED)
+            ends = model.jnt_range[j] if model.jnt_limited[j] else (-math.inf, math.inf)
+            moved(at, names[at].replace(".", "_"), FAR if kind == SLIDE else TURNED, *map(float, ends))
         elif roles[body] == OBJECT:
             moved(at, f"{body}_x", FAR)
             moved(at + 1, f"{body}_y", FAR)
