@@ -54,14 +54,8 @@ def test_verdicts_and_acceptances_have_a_test_or_a_measured_factor(table: Module
 
 
 def test_numbers_of_searches_have_a_test_or_a_measured_factor(table: ModuleType) -> None:
-    """`OPEN` falls with what is left; see docs/benchmarks.md on how to measure the factor of a new number."""
-    assert len(table.unheld("search")) <= OPEN, (
-        "run benchmarks/search_numbers.py, see docs/constants.py --open"
-    )
-
-
-OPEN = 1
-"""Numbers of searches for which neither is known."""
+    """See docs/benchmarks.md on how to measure the factor of a new number."""
+    assert table.unheld("search") == [], "run benchmarks/search_numbers.py, see docs/constants.py --open"
 
 
 def test_every_number_is_used(table: ModuleType) -> None:

@@ -289,7 +289,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             clock.taken = h
             short = h * max(moving, _fastest(records, rung, workspace)) < nowhere
             stalls = refused and short
-            clock.stalled = max(clock.stalled + (BETWEEN if refused else -1), 0) if short else 0
+            clock.stalled = stalled_after(clock.stalled, refused, short)
             clock.next = control[0].step if past else following
             if cut and following >= h and is_over(stop, clock.time, h):
                 clock.next = max(clock.next, planned)
@@ -324,6 +324,13 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             return INVALID
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
+
+
+@inner_kernel
+def stalled_after(stalled: int, refused: bool, short: bool) -> int:
+    """How far a run is from a jam, after a step: `BETWEEN` for each short step in place of a longer one
+    without solution. Other short steps make up for these, and a step that is not short for all."""
+    return max(stalled + (BETWEEN if refused else -1), 0) if short else 0
 
 
 @rare_kernel
