@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
@@ -16,6 +17,8 @@ OPENED, BEYOND = 12, 1.01
 """Steps in which bodies that overlap are moved apart, and how many times as far as it takes."""
 SLIGHT = 1e-3
 """Gap, in parts of that within which contacts are closed, from which on a contact counts as open."""
+DEPENDENT = 1e-3
+"""Part of the greatest motion of contacts per change below which contacts cannot be moved by themselves."""
 BESIDE = 2.0
 """Gaps over the deepest overlap of contacts that steps do not close any more."""
 ROUNDED = 1e-9
@@ -294,14 +297,15 @@ def apart(
     """The place (n_q,) nearest to q (n_q,), nearly, at which no bodies overlap: Newton's method on the gaps,
     with steps of least norm in which a turn counts as the way of the contact that it moves most.
 
-    Contacts of the given pairs that are nearer than `within` are closed besides. weights (n_v,): how
-    dear a change of each velocity's coordinate is, 1 if none are given. Joints are not looked at."""
+    Of the given pairs the nearest contacts are closed besides, as many as a pair is named times, where they
+    are nearer than `within`. weights (n_v,): how dear a change of each velocity's coordinate is, 1 if none
+    are given. Joints are not looked at."""
     found = q.copy()
     closed = np.zeros(0, np.int64) if pairs is None else pairs
     for _ in range(OPENED if len(closed) else 0):
         touches = around.touches(found, within)
         gaps = touches.gaps
-        moved = (gaps < 0.0) | (np.isin(touches.pairs, closed) & (gaps > SLIGHT * within))
+        moved = (gaps < 0.0) | (_nearest_of(touches, closed) & (gaps > SLIGHT * within))
         if not moved.any():
             break
         rows, wanted = touches.rows[moved, 0], -gaps[moved]
@@ -316,10 +320,19 @@ def apart(
     return found
 
 
+def _nearest_of(touches: Touches, pairs: Ints) -> NDArray[np.bool_]:
+    """Which contacts (c,) are the nearest of given pairs, as many of each as it is named times."""
+    found = np.zeros(len(touches.gaps), bool)
+    for pair, most in zip(*np.unique(pairs, return_counts=True), strict=True):
+        own = np.flatnonzero(touches.pairs == pair)
+        found[own[np.argsort(touches.gaps[own], kind="stable")[:most]]] = True
+    return found
+
+
 def _changed(around: Surroundings, q: Reals, rows: Reals, wanted: Reals, weights: Reals | None) -> Reals:
     """The place (n_q,) after the least change that changes gaps with these rows (k, n_v) as wanted (k,)."""
     units = np.maximum(np.abs(rows).max(axis=0), 1.0)
     if weights is not None:
         units = units * weights
-    step = np.linalg.lstsq(rows / units, wanted, rcond=None)[0]
+    step = np.linalg.lstsq(rows / units, wanted, rcond=DEPENDENT)[0]
     return around.changed(q, step / units)

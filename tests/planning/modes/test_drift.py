@@ -200,6 +200,22 @@ class Line:
         legs = [self.leg_to(end) for end in ends]
         return turns.run(self.node(0.0), self.ground, legs, Manner(0.0, 1.0), False)
 
+    def next(self, at: float, ends: tuple[float, ...] = (1.0, 2.0, 3.0), failed: int = 0) -> Any:
+        """Where the next of legs to these ends leads from a place, and the ends that are left."""
+        scene: Any = SimpleNamespace(
+            ground=lambda _: self.ground, end=lambda _q, vector: vector[:1],
+            vector=lambda _ground, leg, _manner: np.array([leg.way.places[-1][0], 0.0]),
+            leg=lambda q, vector, *_: (
+                None if round(vector[0]) in self.lost else Begun(self.ground, q, self.leg_to(vector[0]))
+            ),
+        )  # fmt: skip
+        turns = InTurn(self.work, scene, self._ran, lambda _: None, "dynamic-compliant")
+        goal: Any = np.array([[3.0]]), lambda place: abs(place[0] - 3.0) < 0.1
+        vectors = np.array([[end, 0.0] for end in ends])
+        manners = (Manner(0.0, 1.0), Manner(0.1, 2.0))
+        found = turns.next(self.node(at), vectors, manners, failed, lambda *_: goal)
+        return found if found is None else (float(found[0].places.q[0, 0]), found[1][:, 0].tolist())
+
     def _going_on(self, vector: Reals) -> Reals:
         self.led_on += 1
         return vector
@@ -288,3 +304,62 @@ def test_a_tree_of_one_leg_is_joined_a_few_times(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(in_turn, "propose", proposed)
     assert line.run((3.0,)) is None and 1 < len(joined) < 10
+
+
+def small(line: Line, monkeypatch: pytest.MonkeyPatch, *ends: float) -> list[float]:
+    """Let small trees lead to these ends, where the last is far enough; to where they were asked to lead."""
+    asked = list[float]()
+
+    def proposed(_ground: Any, _q: Any, _home: Any, goals: Reals, reached: Any, *_: Any) -> list[Leg] | None:
+        asked.append(float(goals[0, 0]))
+        return [line.leg_to(end) for end in ends] if reached(np.array(ends[-1:])) else None
+
+    monkeypatch.setattr(in_turn, "propose", proposed)
+    return asked
+
+
+def test_the_next_leg_is_made_again_and_the_rest_is_left() -> None:
+    line = Line({})
+    assert line.next(0.0) == (1.0, [2.0, 3.0])
+
+
+def test_a_leg_at_whose_end_the_object_is_is_left_out_unless_it_is_the_last() -> None:
+    assert Line({}).next(0.9) == (2.0, [3.0])
+    assert Line({}).next(2.87, (3.0,)) == (3.0, [])
+
+
+def test_a_leg_that_cannot_be_made_is_joined_by_small_ones_of_which_the_first_is_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    line = Line({}, lost=(1,))
+    assert small(line, monkeypatch, 0.5, 1.1) == []
+    assert line.next(0.0) == (0.5, [1.1, 2.0, 3.0])
+
+
+def test_a_leg_that_leads_nowhere_is_joined_by_small_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In each manner the object comes less than half as near."""
+    line = Line({1: 0.8, 2: 0.8})
+    asked = small(line, monkeypatch, 1.0)
+    assert line.next(0.0) == (1.0, [2.0, 3.0]) and asked == [1.0] and line.runs == [1.0, 1.0, 1.0]
+
+
+def test_a_leg_that_failed_in_all_manners_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = Line({})
+    asked = small(line, monkeypatch, 0.95)
+    assert line.next(0.0, failed=2) == (0.95, [2.0, 3.0]) and asked == [1.0] and line.runs == [0.95]
+
+
+def test_few_legs_that_cannot_be_made_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = Line({}, lost=(1, 2))
+    asked = small(line, monkeypatch, 9.0)
+    assert line.next(0.0) == (3.0, []) and asked == [1.0, 2.0]
+    assert Line({}, lost=(1, 2, 3)).next(0.0, (1.0, 2.0, 3.0, 4.0)) is None
+
+
+@pytest.mark.parametrize(("end", "goes"), [(2.6, True), (2.4, False)])
+def test_after_the_last_leg_small_ones_lead_to_the_goal_or_half_the_way(
+    monkeypatch: pytest.MonkeyPatch, end: float, goes: bool
+) -> None:
+    line = Line({}, lost=(3,))
+    asked = small(line, monkeypatch, end)
+    assert line.next(2.0, (3.0,)) == ((end, []) if goes else None) and asked == [3.0]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +12,14 @@ import yaml
 
 import rungwise as rw
 from rungwise.deadline import Deadline
+from rungwise.kernel import Reals
 from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.execution.remaining_legs import run_pieces
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 from rungwise.scene.scene import LIBRARY
+from rungwise.world.carriers import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
 
 ERRORS = {"mu": 0.1, "mu_s": 0.15, "mass": 0.1, "inside": 0.15}
@@ -103,6 +107,45 @@ def test_bodies_that_overlap_are_moved_apart(deep: float) -> None:
     around = PlanarSurroundings(scene, scene.parameters())
     q = rw.State.of(scene).q.copy()
     q[[3, 4]] += deep * np.array([1.0, -1.0])
-    apart = around.apart(q)
-    assert around.touches(apart, 0.0).least.min() >= 0.0
-    assert np.linalg.norm(apart - q) <= 1.5 * 2.0**0.5 * deep and (apart[:3] == q[:3]).all()
+    opened = around.apart(q)
+    assert around.touches(opened, 0.0).least.min() >= 0.0
+    assert np.linalg.norm(opened - q) <= 1.5 * 2.0**0.5 * deep and (opened[:3] == q[:3]).all()
+
+
+class Levers:
+    """Surroundings of two numbers that change two gaps of pairs in about the same way."""
+
+    def __init__(self, lean: float) -> None:
+        self._rows = np.array([[1.0, 0.0], [1.0, lean]])
+
+    def touches(self, q: Reals, _within: float) -> Any:
+        gaps = self._rows @ q
+        rows = self._rows[:, None]
+        return SimpleNamespace(gaps=gaps, rows=rows, pairs=np.array([0, 0]))
+
+    def changed(self, q: Reals, change: Reals) -> Reals:
+        return q + change
+
+
+@pytest.mark.parametrize(("lean", "is_far"), [(1e-4, False), (0.1, True)])
+def test_contacts_that_hardly_move_by_themselves_move_no_joint_far(lean: float, is_far: bool) -> None:
+    """Both are closed where that takes little; else the joint that would tell them apart stays, nearly."""
+    around: Any = Levers(lean)
+    q = np.array([-1e-5, 1e-5 / lean])
+    found = apart(around, q, 1e-3, np.array([0, 0]))
+    assert around.touches(found, 0.0).gaps.min() > -1e-6
+    assert (abs(found[1] - q[1]) > 0.9 * abs(q[1])) == is_far
+
+
+@pytest.mark.parametrize("named", [1, 2])
+def test_as_many_contacts_of_a_pair_are_closed_as_are_expected(named: int) -> None:
+    """The nearest: a block that leans on an edge keeps leaning where one contact is expected."""
+    scene = rw.load("corner_pivot")
+    around = PlanarSurroundings(scene, scene.parameters())
+    q = rw.State.of(scene).q.copy()
+    q[[3, 4, 5]] += [-0.05, 0.002, 0.03]
+    floor = next(k for k, pair in enumerate(scene.template.contacts) if set(pair) == {"block", "floor"})
+    found = apart(around, q, 0.01, np.full(named, floor))
+    gaps = np.sort(around.touches(found, 0.02).gaps[around.touches(found, 0.02).pairs == floor])
+    assert np.abs(gaps[:named]).max() < 2e-5
+    assert (abs(found[5] - q[5]) < 0.01) == (named == 1)

@@ -295,7 +295,7 @@ class Policy:
         if self._around is None:
             return self._nominal.measured(q, v, self._levels)
         touching = self._around.touches(expected, CLOSED * self._task.size)
-        closed: Ints = np.unique(touching.pairs[touching.gaps <= CLOSED * self._task.size])
+        closed: Ints = touching.pairs[touching.gaps <= CLOSED * self._task.size]
         for _ in range(IN_TURN):
             opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm)
             (q,), (v,) = self._place.closed(opened[None], v[None], self._free)

@@ -15,7 +15,7 @@ from rungwise.planning.execution.feedback import Moves
 from rungwise.planning.execution.remaining_legs import PIECE, Legs, in_pieces, legs_of
 from rungwise.planning.execution.timed import Timed, timed
 from rungwise.planning.modes.legs import is_placed
-from rungwise.planning.modes.planner import AGAIN, ModePlanner
+from rungwise.planning.modes.planner import ModePlanner
 from rungwise.planning.motion.propagate import Predictor
 from rungwise.planning.plan import Plan
 from rungwise.planning.search.layout import counts_of, is_by_modes
@@ -78,14 +78,13 @@ class RecedingLegs(Legs):
 
     def _led(self, planner: ModePlanner, work: Work) -> Found | None:
         self._rest = self._left[:0]
-        if self._failed < len(AGAIN):
-            try:
-                node = planner.leg_again(self._left[0], max(self._failed, 0))
-            except TimeOver:
-                return None
-            if node is not None:
-                self._rest = self._left[1:]
-                return node.found
+        try:
+            led = planner.next_leg(self._left, max(self._failed, 0))
+        except TimeOver:
+            return None
+        if led is not None:
+            node, self._rest = led
+            return node.found
         return super()._led(planner, work)
 
     def _timed(

@@ -16,7 +16,7 @@ from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
 from rungwise.planning.modes.reach.planner import by_reach, reach_in
 from rungwise.planning.modes.running.execute import Begun, Manner, Node, Scene
-from rungwise.planning.modes.running.in_turn import InTurn
+from rungwise.planning.modes.running.in_turn import Aim, InTurn
 from rungwise.planning.modes.tree import far, propose
 from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
@@ -177,15 +177,17 @@ class ModePlanner:
                 return found
         return None
 
-    def leg_again(self, vector: Reals, failed: int = 0) -> Node | None:
-        """The end of one leg of a plan (d,), made again from where the object is, in one of the manners of
-        `led_again`. Raises TimeOver."""
-        first = min(failed, len(AGAIN) - 1)
-        for manner in AGAIN[first:] + AGAIN[:first]:
-            after = self._made(self.nodes[0], vector, manner)
-            if after is not None:
-                return after
-        return None
+    def next_leg(self, vectors: Reals, failed: int = 0) -> tuple[Node, Reals] | None:
+        """The end of the next leg of a plan (k, d), of which the first failed so often before, from where the
+        object is, and the legs that are left after it: see `InTurn.next`. Raises TimeOver."""
+
+        def aim(ground: Ground, q: Reals) -> Aim:
+            return self._goals(ground, q), self._reached(ground)
+
+        return self._in_turn().next(self.nodes[0], vectors, AGAIN, failed, aim)
+
+    def _in_turn(self) -> InTurn:
+        return InTurn(self.work, self.scene, self._ran, self._look, self.predictor.stage.model.name)
 
     def _again(self, vectors: Reals, manner: Manner) -> Found | None:
         """The legs of a plan (k, d), each made again from where the object is."""
@@ -226,8 +228,7 @@ class ModePlanner:
         )  # fmt: skip
         if legs is None:
             return None
-        running = InTurn(work, self.scene, self._ran, self._look, self.predictor.stage.model.name)
-        return running.run(node, ground, legs, manner, len(course) > 0)
+        return self._in_turn().run(node, ground, legs, manner, len(course) > 0)
 
     def _look(self, steps: int) -> None:
         """Called after so many steps of a tree. Raises TimeOver, also where the budget is spent."""

@@ -142,6 +142,12 @@ class Scene:
         """The object of the leg of these numbers (d,)."""
         return self._all[int(vector[0])]
 
+    def end(self, q: Reals, vector: Reals) -> Reals:
+        """The place (n,) where the leg of these numbers (d,) leads its object; all else is as at q (n,)."""
+        places, found = self.ground(vector).places, q.copy()
+        found[places] = vector[2 : 2 + len(places)]
+        return found
+
     def going_on(self, vector: Reals) -> Reals:
         """The leg of these numbers (d,) after fingers have changed their places."""
         found, width, k = vector.copy(), 0, 2 + self._wide
@@ -170,8 +176,7 @@ class Scene:
         called with the steps that it takes, and may raise."""
         ground = self.ground(vector)
         seen, k = ground.look(q), 2 + self._wide
-        target, begun = q.copy(), q.copy()
-        target[ground.places] = vector[2 : 2 + len(ground.places)]
+        target, begun = self.end(q, vector), q.copy()
         changes, used = (np.zeros(len(self.fingers), np.int64) for _ in range(2))
         for f, finger in enumerate(self.fingers):
             width = 3 + len(finger.carrier.columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,10 +19,16 @@ DRIFTED = 0.15
 """How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
 SOONER = 2
 """How many legs of a tree on a course may be left out at a time."""
+AT_MOST = 0.5
+"""Part of the way to its end that a leg which is made again leaves at most, where the object is not near;
+and of the way to the goal that small legs leave."""
 LED_ON, JOINED, JOINING = 2, 3, 12
 """How often a leg is led on whose object is not where it was to be; how often in one tree, or once for each
 of its legs, where these are more, small ones lead to the end of a leg that cannot be made, or run, from where
 the object is, and their rounds."""
+
+Aim: TypeAlias = tuple[Reals, Callable[[Reals], bool]]
+"""Places (g, n) to which a tree leads, and whether a place (n,) is there."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,8 @@ class InTurn:
             made = made or scene.leg(q, vectors[k], manner, self.look)
             after = None if made is None else self.ran(node, made, manner)
             if after is None and (made is not None or not led):
-                joins = self._joining(ground, node, ends[k], manner) if joins_left else None
+                to = ends[k][None], _is_near(ground, ends[k], near)
+                joins = self._joining(ground, node, to, manner) if joins_left else None
                 if joins is None:
                     work.failures["no leg from where the object is"] += 1
                     return None
@@ -77,14 +85,64 @@ class InTurn:
             k, led = k + 1, 0
         return None
 
-    def _joining(self, ground: Ground, node: Node, end: Reals, manner: Manner) -> list[Leg] | None:
-        """Legs of a small tree from a node to near the place (n,) where another leg was to end; None where it
-        finds none."""
-        work, near, q = self.work, DRIFTED * self.work.task.size, node.places.q[0]
+    def next(
+        self, node: Node, vectors: Reals, manners: Sequence[Manner], failed: int,
+        aim: Callable[[Ground, Reals], Aim],
+    ) -> tuple[Node, Reals] | None:  # fmt: skip
+        """The end of the next leg of a plan (k, d) from a node, and the legs (m, d) that are left after it:
+        the leg made again in one of the manners, or else the first of small ones to where it was to end.
+        Those at whose ends the object is are left out, and so are a few that cannot be made. The first leg
+        failed so often before, and is not made again where it failed in all manners; the last is to come to
+        the goal, of which `aim` knows. None where nothing leads on."""
+        q, near, left_out = node.places.q[0], DRIFTED * self.work.task.size, 0
+        for k, vector in enumerate(vectors):
+            ground, end, is_last = self.scene.ground(vector), self.scene.end(q, vector), k + 1 == len(vectors)
+            away = ground.away(q, end)
+            if away < near and not is_last:
+                continue
+            begun = 0 if k else failed
+            for manner in (*manners[begun:], *manners[:begun]) if begun < len(manners) else ():
+                after = self._made(node, vector, manner)
+                if after is not None and (
+                    after.outcome == Code.GOAL
+                    or ground.away(after.places.q[0], end) < max(near, AT_MOST * away)
+                ):
+                    return after, vectors[k + 1 :]
+            to = _nearer(ground, q, aim(ground, q)) if is_last else (end[None], _is_near(ground, end, near))
+            found = self._joined(ground, node, to, vectors[k + 1 :], manners[0])
+            if found is not None:
+                return found
+            left_out += 1
+            if left_out > SOONER:
+                return None
+        return None
+
+    def _made(self, node: Node, vector: Reals, manner: Manner) -> Node | None:
+        """The node at the end of a leg (d,) that is made again from another node."""
+        own = manner._replace(press=max(manner.press, float(vector[1])))
+        made = self.scene.leg(node.places.q[0], vector, own, self.look)
+        return None if made is None else self.ran(node, made, own)
+
+    def _joined(
+        self, ground: Ground, node: Node, aim: Aim, then: Reals, manner: Manner
+    ) -> tuple[Node, Reals] | None:  # fmt: skip
+        """The end of the first of small legs from a node, and the others, before those that follow (m, d)."""
+        for _ in range(JOINED):
+            joins = self._joining(ground, node, aim, manner)
+            if joins is None:
+                return None
+            after = self.ran(node, Begun(ground, ground.look(node.places.q[0]), joins[0]), manner)
+            if after is not None:
+                others = [self.scene.vector(ground, leg, manner) for leg in joins[1:]]
+                return after, np.vstack([*others, then]) if others else then
+        return None
+
+    def _joining(self, ground: Ground, node: Node, aim: Aim, manner: Manner) -> list[Leg] | None:
+        """Legs of a small tree from a node to where another leg was to end; None where it finds none."""
+        work, q = self.work, node.places.q[0]
         found = propose(
-            ground, q, work.start.q[0], end[None], lambda place: ground.away(place, end) < near,
-            manner.press, work.rng, JOINING, work.failures, self.look, np.zeros((0, len(q))),
-            work.task.moves[1] - node.grasps, work.grown,
+            ground, q, work.start.q[0], aim[0], aim[1], manner.press, work.rng, JOINING, work.failures,
+            self.look, np.zeros((0, len(q))), work.task.moves[1] - node.grasps, work.grown,
         )  # fmt: skip
         return found or None
 
@@ -102,3 +160,13 @@ class InTurn:
             if made is not None and made.ground.away(made.leg.way.places[-1], ends[j]) < near:
                 return j, made
         return None
+
+
+def _is_near(ground: Ground, end: Reals, near: float) -> Callable[[Reals], bool]:
+    return lambda place: ground.away(place, end) < near
+
+
+def _nearer(ground: Ground, q: Reals, aim: Aim) -> Aim:
+    """The same, where much nearer to the first place than q (n,) is enough."""
+    (goals, reached), near = aim, _is_near(ground, aim[0][0], AT_MOST * ground.away(q, aim[0][0]))
+    return goals, lambda place: reached(place) or near(place)
