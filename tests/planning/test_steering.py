@@ -50,6 +50,6 @@ def test_a_disc_is_turned_by_two_fingers_that_roll_on_it(turn: float, seed: int)
     task = task_of(unnamed_hand(turn, 20))
     work = begin(task, Budget(40_000), seed, 2)
     predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
-    steering, rng = Steering(task, goals_of(work)), np.random.default_rng(seed)
+    steering, rng = Steering(task, goals_of(work), work.derived), np.random.default_rng(seed)
     tree, way = grow(work.moves, predictor, work.start, task.before, work.whole, 20, 40, rng, None, steering)
     assert len(way) >= 1 and tree.lack.min() == 0.0

@@ -24,6 +24,7 @@ from rungwise.world.parts import Exported
 from rungwise.world.rolled import Ended, Rolled
 
 if TYPE_CHECKING:
+    from rungwise.simulation.derivatives.slopes import Slopes
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
@@ -326,6 +327,10 @@ class World(Exported, Protocol):
 
     def surroundings(self, parameters: Mapping[str, float]) -> Surroundings | None:
         """What touches what at these parameters; None where that is not known of scenes of this world."""
+
+    def slopes(self, parameters: Mapping[str, float], h: float, near: float) -> Slopes:
+        """Derivatives by inputs of where steps of length h of the quasistatic-compliant rung lead, with
+        bodies that reach farther by `near`. Raises ModelError where the scene's steps have none."""
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> Variant:
         """The scene on a rung, taken apart into ingredients."""

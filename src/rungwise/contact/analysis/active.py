@@ -156,7 +156,8 @@ def _part(B: Array, C: Array, limits: Array | None = None, one_sided: int = 0) -
 
 
 def _across(along: Array) -> Array:
-    """Tangents across a unit tangent as columns (d, d - 2), below a row for the normal."""
-    if len(along) < 2:
-        return np.zeros((len(along) + 1, 0))
-    return np.array([[0.0], [-along[1]], [along[0]]])
+    """Tangents across a unit tangent as columns (d, d - 2), below a row for the normal, by a reflection."""
+    m = len(along)
+    mirror = along + np.copysign(np.eye(m)[0], along[0])
+    tangents = np.eye(m)[:, 1:] - np.outer(mirror, mirror[1:]) / (1.0 + abs(along[0]))
+    return np.vstack([np.zeros((1, m - 1)), tangents])

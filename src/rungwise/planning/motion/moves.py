@@ -178,9 +178,7 @@ class Moves:
             change = np.abs(held[:, self._free] - before[:, self._free])
             parts.append((held, np.max(change / rate, axis=1, initial=0.0), True))
         if not task.carriers:
-            low, high = task.duration
-            least = max(low, 1e-3 * high)
-            parts.append((held, least * (high / least) ** vectors[:, -1], False))
+            parts.append((held, lasting(task, vectors[:, -1]), False))
             return _segments(parts)
         push, back = self._pushes(held, self._strokes(vectors, places), places)
         cut = (push[0], push[1] / cuts, push[2])
@@ -189,11 +187,11 @@ class Moves:
     def held_for(self, levels: Reals, durations: Reals) -> Reals:
         """The moves (m, d) of a task without carriers that come nearest to holding inputs (m, u) for
         durations (m,)."""
-        low, high = self.task.duration
-        least, span = max(low, 1e-3 * high), self.task.high - self.task.low
+        least, most = _durations(self.task)
+        span = self.task.high - self.task.low
         inputs = (levels - self.task.low) / np.where(span > 0.0, span, 1.0)
-        lasting = np.log(np.maximum(durations, least) / least) / (math.log(high / least) or 1.0)
-        return np.clip(np.column_stack([inputs, lasting]), 0.0, 1.0)
+        part = np.log(np.maximum(durations, least) / least) / (math.log(most / least) or 1.0)
+        return np.clip(np.column_stack([inputs, part]), 0.0, 1.0)
 
     def cut(self, vectors: Reals, part: float) -> tuple[Reals, NDArray[np.bool_]]:
         """The vectors (m, d) of moves whose pushes end after a part of their way, and whether pushes may be
@@ -288,6 +286,18 @@ class Moves:
         if not targets:
             raise TaskError(f"task.transit.{carrier.body}: touches no object; see contacts")
         return targets
+
+
+def lasting(task: Task, part: Reals) -> Reals:
+    """Durations (m,) of moves without carriers, at parts 0..1 of their range."""
+    least, most = _durations(task)
+    return np.asarray(least * (most / least) ** part)
+
+
+def _durations(task: Task) -> tuple[float, float]:
+    """The least and the greatest duration of moves without carriers."""
+    low, high = task.duration
+    return max(low, 1e-3 * high), high
 
 
 def pushed_length(carrier: Carrier, part: Reals) -> Reals:

@@ -17,6 +17,7 @@ from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.placements import GOALS, NEAREST, Placing
 from rungwise.planning.motion.propagate import Places, Predictor
 from rungwise.planning.motion.transit import Transit
+from rungwise.planning.search.derived import Derived
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes
 from rungwise.planning.task.fingers import with_fingers
@@ -103,6 +104,11 @@ class Work:
             return self.start.q[:0]
         rng = np.random.default_rng(self.seed)
         return placing.goals(rng, self.budget.is_in_time, count=GOALS).places[:NEAREST]
+
+    @cached_property
+    def derived(self) -> Derived:
+        """Models of moves by derivatives."""
+        return Derived(self.task)
 
     def predictor(self, stage: Stage, *, reserve: bool = True, quick: bool = True) -> Predictor:
         """Runs on a stage; without the reserve, of the goal as it is given; quick ones end where they take
@@ -210,7 +216,9 @@ def known(work: Work) -> str:
     failed = f"; with contact modes most legs failed for these reasons: {most}" if most else ""
     trees = f"; contact modes: {work.grown[TREES]} trees of {work.grown[LEGS]} legs" if work.grown else ""
     tried = f"moves tried: {outcomes.total()} ({parts or 'none'}){trees}"
-    return f"{ended}{tried}{_nearest(work)}{unlaid}{failed}"
+    refused = "; ".join(f"{why}: {count}" for why, count in work.derived.refused.most_common(2))
+    steered = f"; places from which no derivative of a step steered, {refused}" if refused else ""
+    return f"{ended}{tried}{_nearest(work)}{unlaid}{failed}{steered}"
 
 
 def _nearest(work: Work) -> str:

@@ -176,7 +176,7 @@ def _steered(work: Work, predictor: Predictor, begun: Begun, aim: Aim) -> Iterat
     if work.task.carriers or aim.partial or not len(goals_of(work)):
         return
     rng = np.random.default_rng([work.seed, work.trees[str(predictor.stage)]])
-    steering = Steering(work.task, goals_of(work))
+    steering = Steering(work.task, goals_of(work), work.derived)
     tree, way = grow(
         work.moves,
         predictor,

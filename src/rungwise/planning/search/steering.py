@@ -20,6 +20,7 @@ from scipy.optimize import lsq_linear
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.motion.moves import Moves
+from rungwise.planning.search.derived import HELD, Derived
 from rungwise.planning.search.tree import Tree
 from rungwise.planning.task.task import Task
 
@@ -31,8 +32,6 @@ RADII = (0.03, 0.06, 0.12, 0.25)
 """Radii of the trust regions, in the same parts."""
 DAMPING = 1e-2
 """Weight of the size of a change, beside the model's greatest singular value."""
-HELD = 0.5
-"""The number of a move for its duration, where its inputs are steered."""
 GRASPS = 24
 """Moves of a round that grasp anew."""
 RANK = 0.3
@@ -42,8 +41,8 @@ RANK = 0.3
 class Steering:
     """Moves of a task whose inputs no carrier uses, that steer its objects to places (g, n) at the goal."""
 
-    def __init__(self, task: Task, goals: Reals) -> None:
-        self._task, self._goals = task, goals
+    def __init__(self, task: Task, goals: Reals, derived: Derived) -> None:
+        self._task, self._goals, self._derived = task, goals, derived
         self._tries = Counter[int]()
 
     def __call__(
@@ -53,7 +52,7 @@ class Steering:
         inner = np.flatnonzero(tree.depth < deepest)
         parents, vectors = list[Ints](), list[Reals]()
         for node in self._chosen(tree, inner, rng):
-            rows = self._about(tree, node, rng)
+            rows = np.vstack([self._foreseen(tree, node, rng), self._about(tree, node, rng)])
             self._tries[node] += 1
             parents.append(np.full(len(rows), node, np.int64))
             vectors.append(rows)
@@ -68,6 +67,17 @@ class Steering:
         tries = np.array([self._tries[int(node)] for node in inner])
         weighed = tree.lack[inner] * (1.0 + tries) * rng.uniform(1.0, 1.5, len(inner))
         return [int(node) for node in inner[np.argsort(weighed, kind="stable")[:STEERED]]]
+
+    def _foreseen(self, tree: Tree, node: int, rng: np.random.Generator) -> Reals:
+        """Moves (m, d) that the derivative of a step proposes where steering begins; none elsewhere, and none
+        where inputs move no object."""
+        held = self._held(tree, node)
+        model = None
+        if not self._tries[node]:
+            model = self._derived.model(tree.q[node], float(tree.time[node]), tree.levels[node])
+        if model is None or not model.any():
+            return held[None, :][:0]
+        return self._steps(tree, node, held, (np.zeros(model.shape[1]), model), rng)
 
     def _about(self, tree: Tree, node: int, rng: np.random.Generator) -> Reals:
         """Moves (m, d) from a node: those that a model proposes where enough is known, else such as tell; the

@@ -28,9 +28,10 @@ from rungwise.scene.template.records import FREE, HINGE, SPEED
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import LINEARISATIONS, ROUNDING
-from rungwise.simulation.derivatives.steps import Data, Held, Linearised, Start, Taken
+from rungwise.simulation.derivatives.steps import SEEN, Data, Held, Linearised, Start, Taken
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
+from rungwise.simulation.planar.state.inputs import set_all
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 from rungwise.simulation.run import Simulation
@@ -104,6 +105,34 @@ class Assembly:
         old = getattr(start, kind)
         return replace(start, **{kind: old + by.reshape(old.shape)})
 
+    def tell(self, levels: Array) -> None:
+        run = self._simulation
+        inputs = run._setting.inputs
+        self.state.values[inputs.columns] = levels
+        set_all(inputs, run._bound.buffer, self.workspace)
+
+    def solved_near(self, start: Start, near: float) -> tuple[Sensitivity, Array]:
+        work, count = self.workspace, self._gather_near(start, near)
+        trial = Trial(self.rung, self.h, work.terms, count, work.state, work.scratch, work.problem)
+        if solve_step(trial) != SUPPORTED:
+            go_on(self.halt)
+            raise ModelError("step: it has no solution")
+        return self._sensitivity(count), work.scratch.v_new.copy()
+
+    def data_near(self, start: Start, near: float) -> Data:
+        count, clock = self._gather_near(start, near), self.state.clock[0]
+        problem = self._assembled(count, int(clock["free"]), float(clock["eps"]), 1.0, False)
+        return {name: getattr(problem, name) for name in DATA} | {"speed": self.state.speed.copy()}
+
+    def _gather_near(self, start: Start, near: float) -> int:
+        """Fill in the terms of a step whose bodies reach farther; returns how many contacts there are."""
+        self.place(start, None)
+        widen(self.records, self.workspace, max(float(self.state.clock[0]["near"]), SEEN * near))
+        count, terms = self.gather(None), self.workspace.terms
+        terms.gap[:count] -= near
+        terms.restitution[:count] = 0.0
+        return count
+
     def like(self, scene: Scene, model: Rung | str, values: dict[str, float]) -> Assembly:
         """An assembly with the same options at other parameters."""
         return Assembly(scene, model, values, self.h, self.theta)
@@ -141,7 +170,7 @@ class Assembly:
         """The problem of a step linearised at its start, or where the trial speeds lead."""
         work, h = self.workspace, self.h
         self.place(start, trial)
-        state, scratch, clock = work.state, work.scratch, work.state.clock[0]
+        state, scratch = work.state, work.scratch
         for _ in range(LINEARISATIONS):
             count = self.gather(trial)
             if solve_step(Trial(self.rung, h, work.terms, count, state, scratch, work.problem)) != SUPPORTED:
@@ -149,18 +178,22 @@ class Assembly:
                 raise ModelError("step: it has no solution")
             if not self.widened(scratch.v_new):
                 break
+        contact = self._sensitivity(count)
+        return Linearised(self.hold(count, contact.problem), contact, scratch.v_new.copy())
+
+    def _sensitivity(self, count: int) -> Sensitivity:
+        """Of the problem of these contacts that was just solved."""
+        work, scratch, clock = self.workspace, self.workspace.scratch, self.state.clock[0]
         n, limited = int(clock["free"]), int(clock["limited"])
         # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
         unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
         size = matrix_size(n, count, limited)
         room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
         solve_planar(work.problem, Sizes(n, count, limited), unknowns, room, scratch.halt)
-        problem = trim(work.problem, n, count, limited)
-        contact = Sensitivity(
-            problem, scratch.x[:n].copy(), scratch.contact_force[: 2 * count].copy(),
-            scratch.limited_force[:limited].copy(),
+        return Sensitivity(
+            trim(work.problem, n, count, limited), scratch.x[:n].copy(),
+            scratch.contact_force[: 2 * count].copy(), scratch.limited_force[:limited].copy(),
         )  # fmt: skip
-        return Linearised(self.hold(count, problem), contact, scratch.v_new.copy())
 
     def look_for_bends(self, held: PlanarHeld, low: Data, high: Data, base: Data, way: float) -> None:
         """Features of outlines are smooth."""

@@ -36,7 +36,7 @@ from rungwise.simulation.derivatives.noted import (
     of_contacts,
     restore,
 )
-from rungwise.simulation.derivatives.steps import Array, Data, Linearised, Start, Taken
+from rungwise.simulation.derivatives.steps import SEEN, Array, Data, Linearised, Start, Taken
 from rungwise.simulation.options import ModelError, moving_rung
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.wording import listed
@@ -84,6 +84,38 @@ class SpaceAssembly:
         free: Ints = self._stepper.state.free[: int(self._stepper.clock["free"])]
         return free
 
+    def tell(self, levels: Array) -> None:
+        template = self._scene.template
+        self._told[[template.parameters.index(name) for name in template.inputs]] = levels
+        self._told_at = np.nan, np.nan
+
+    def solved_near(self, start: Start, near: float) -> tuple[Sensitivity, Array]:
+        stepper = self._stepper
+        self._begin_anew()
+        self._fill_near(start, near)
+        stepper._trial = start.q
+        if stepper._again(self.h) != SUPPORTED:
+            raise ModelError("step: it has no solution")
+        solved = stepper.noted[-1]
+        return self._sensitivity(solved), solved.held.speed
+
+    def data_near(self, start: Start, near: float) -> Data:
+        self._fill_near(start, near)
+        stepper = self._stepper
+        step = Step(self.h, self._theta, float(stepper.clock["eps"]), float(stepper.terms.pause[0]))
+        problem = self._assembled(step, stepper.contacts, False)
+        return {name: getattr(problem, name) for name in DATA} | {"speed": stepper.state.speed.copy()}
+
+    def _fill_near(self, start: Start, near: float) -> None:
+        """Fill in the terms of a step whose bodies reach farther."""
+        stepper = self._stepper
+        self._system.forget()
+        self._put(start)
+        if not stepper._fill(start.q, start.v, self.h, SEEN * near):
+            raise ModelError("step: more contacts are near than there is room for")
+        stepper.terms.gap[: stepper.contacts] -= near
+        stepper.terms.restitution[: stepper.contacts] = 0.0
+
     def like(self, scene: SpaceScene, model: Rung | str, values: dict[str, float]) -> SpaceAssembly:
         return SpaceAssembly(scene, model, values, self.h, self._theta)
 
@@ -120,10 +152,7 @@ class SpaceAssembly:
         stepper, system = self._stepper, self._system
         state, scratch = stepper.state, stepper.scratch
         system.forget()
-        self._told_at = np.nan, np.nan  # what actuators act by is forgotten, too
-        state.modes[:], state.force[:], scratch.limited_mode[:] = 0, 0.0, 1
-        scratch.limited_force[:], stepper.terms.fall[:], scratch.x[:] = 0.0, 0.0, 0.0
-        stepper.outcome, stepper.noted = Code.RUNNING, []
+        self._begin_anew()
         if start.features is None:
             self._put(start)
             stepper._fill(start.q, start.v, self.h, system.margin)
@@ -139,6 +168,15 @@ class SpaceAssembly:
         features = copied(system.kept)
         end = Start(stepper.q, state.v.copy(), state.deformation.copy(), stepper.time, features)
         return Taken(scratch.v_new.copy(), None, end)
+
+    def _begin_anew(self) -> None:
+        """Forget what steps have left to begin from."""
+        stepper = self._stepper
+        state, scratch = stepper.state, stepper.scratch
+        self._told_at = np.nan, np.nan  # what actuators act by is forgotten, too
+        state.modes[:], state.force[:], scratch.limited_mode[:] = 0, 0.0, 1
+        scratch.limited_force[:], stepper.terms.fall[:], scratch.x[:] = 0.0, 0.0, 0.0
+        stepper.outcome, stepper.noted = Code.RUNNING, []
 
     def linearised(self, start: Start, _taken: Taken, /) -> Iterator[Linearised]:
         trial = None
@@ -222,13 +260,18 @@ class SpaceAssembly:
             gap = self._closed_added(gap, held)
         terms.gap[:k] = held.gap
         terms.restitution[:k][~held.bounced] = 0.0
-        clock, state = stepper.clock, stepper.state
+        step = Step(self.h, held.theta, held.eps, held.ease)
+        return self._assembled(step, k, bool(held.bounced.any())), gap, k
+
+    def _assembled(self, step: Step, count: int, bounce: bool) -> ContactProblem:
+        """The problem of the terms that there are, with so many contacts."""
+        stepper, clock, state = self._stepper, self._stepper.clock, self._stepper.state
         n, limited = int(clock["free"]), int(clock["limited"])
         self._assemble(
-            self.rung, Step(self.h, held.theta, held.eps, held.ease), terms, k, limited,
-            Velocities(state.free, n, state.v, state.speed), bool(held.bounced.any()), stepper.problem,
+            self.rung, step, stepper.terms, count, limited,
+            Velocities(state.free, n, state.v, state.speed), bounce, stepper.problem,
         )  # fmt: skip
-        return trim(stepper.problem, n, k, limited), gap, k
+        return trim(stepper.problem, n, count, limited)
 
     def _closed_added(self, gap: Array, held: SpaceHeld) -> Array:
         """Gaps without what `overlap.open_added` did to them."""

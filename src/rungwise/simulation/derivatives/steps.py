@@ -17,6 +17,8 @@ Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Data: TypeAlias = dict[str, Array]
 """Fields of the problem, and `speed`, `stiffness`, `damping`; in changes, directions are the last axis."""
+SEEN = 2.0
+"""Distance within which contacts are looked for, over that within which they count as closed."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,16 @@ class Steps(Protocol):
 
     def taken(self, start: Start) -> Taken:
         """Take the step. Raises ModelError where it cannot be taken as it is, and TimeOver."""
+
+    def tell(self, levels: Array) -> None:
+        """Give the scene's inputs (u,) these values from now on."""
+
+    def solved_near(self, start: Start, near: float) -> tuple[Sensitivity, Array]:
+        """The linearised problem of a step whose bodies reach farther by `near` [length], so that contacts
+        nearer than that are closed, and all speeds (n,) of its solution. Raises ModelError, and TimeOver."""
+
+    def data_near(self, start: Start, near: float) -> Data:
+        """Data of that problem, solved last, with the inputs told since, and `speed`."""
 
     def linearised(self, start: Start, taken: Taken, /) -> Iterator[Linearised]:
         """The problems that the step solves one after another, each where the solution of the one before

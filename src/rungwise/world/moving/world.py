@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rungwise.scene import SceneError
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.run import MovingSimulation
+from rungwise.simulation.options import ModelError
 from rungwise.simulation.saved import Saved, moving_run
 from rungwise.world.arguments import Asked
 from rungwise.world.carriers import Surroundings
@@ -31,6 +32,9 @@ from rungwise.world.moving.rollouts import MovingRollouts, rollout
 from rungwise.world.moving.runs import MovingRuns
 from rungwise.world.moving.variant import MovingVariant
 from rungwise.world.parts import coordinates_as_joints, no_model, of_scene
+
+if TYPE_CHECKING:
+    from rungwise.simulation.derivatives.slopes import Slopes
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,9 @@ class MovingWorld(ABC):
     def surroundings(self, _parameters: Mapping[str, float]) -> Surroundings | None:
         """Not known of moving scenes."""
         return None
+
+    def slopes(self, _parameters: Mapping[str, float], _h: float, _near: float) -> Slopes:
+        raise ModelError(f"scene: derivatives of steps do not work for {self.scene.name}")
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> MovingVariant:
         return MovingVariant(self.scene, parameters, model, tol)

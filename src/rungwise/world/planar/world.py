@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
+from rungwise.models.ladder import QUASISTATIC_COMPLIANT
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
 from rungwise.simulation.run import Simulation
@@ -24,6 +26,9 @@ from rungwise.world.planar.rollouts import rollout
 from rungwise.world.planar.runs import PlanarRuns
 from rungwise.world.planar.surroundings import PlanarSurroundings
 from rungwise.world.planar.variant import PlanarVariant
+
+if TYPE_CHECKING:
+    from rungwise.simulation.derivatives.slopes import Slopes
 
 LEADS = ("speed", "force", "target", "target_speed")
 """Fields of a drive that say what it does; the others say how strongly."""
@@ -57,6 +62,12 @@ class PlanarWorld:
     joints = of_scene(coordinates_as_joints)
     mjcf = of_scene(no_model)
     roles = of_scene(roles_in_plane)
+
+    def slopes(self, parameters: Mapping[str, float], h: float, near: float) -> Slopes:
+        from rungwise.simulation.derivatives.assembly import Assembly
+        from rungwise.simulation.derivatives.slopes import Slopes
+
+        return Slopes(Assembly(self.scene, QUASISTATIC_COMPLIANT, dict(parameters), h, 1.0), near)
 
     @property
     def velocities(self) -> tuple[str, ...]:

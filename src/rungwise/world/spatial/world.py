@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
+from rungwise.models.ladder import QUASISTATIC_COMPLIANT
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.saved import moving_run
 from rungwise.simulation.spatial.result import SpaceRun
@@ -26,6 +27,9 @@ from rungwise.world.spatial.place import SpatialPlace
 from rungwise.world.spatial.rollouts import rollout
 from rungwise.world.spatial.runs import SpatialRuns
 from rungwise.world.spatial.variant import SpatialVariant
+
+if TYPE_CHECKING:
+    from rungwise.simulation.derivatives.slopes import Slopes
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,12 @@ class SpatialWorld:
     described = staticmethod(described)
     joints = of_scene(joints)
     mjcf = of_scene(mjcf)
+
+    def slopes(self, parameters: Mapping[str, float], h: float, near: float) -> Slopes:
+        from rungwise.simulation.derivatives.slopes import Slopes
+        from rungwise.simulation.derivatives.space_assembly import SpaceAssembly
+
+        return Slopes(SpaceAssembly(self.scene, QUASISTATIC_COMPLIANT, dict(parameters), h, 1.0), near)
 
     def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
         roles = roles_in_space(self.scene.bind(parameters))
