@@ -142,6 +142,15 @@ def test_derivatives_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
     assert row[:3] == ["ball", "dynamic-rigid", "18"] and float(row[4]) > 0.0
 
 
+def test_ways_of_steering_are_compared(monkeypatch: Patch, capsys: Printed, tmp_path: Path) -> None:
+    benchmark = script("benchmarks/steering.py", monkeypatch)
+    told = ["--tasks", "planar_hand", "--rungs", "dynamic-compliant", "--seeds", "1", "--limit", "2"]
+    benchmark.main([*told, "--folder", str(tmp_path), "--drawn"])
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[2] for row in rows] == ["drawn", "sampled", "derived"]
+    assert rows[1][7] == "1.00" and [row[9] for row in rows] == ["0", "0", "0"] and int(rows[2][10]) > 0
+
+
 def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
     benchmark = script("benchmarks/piles.py", monkeypatch)
     monkeypatch.setattr(benchmark, "FALLEN", 20)

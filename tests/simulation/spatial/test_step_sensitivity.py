@@ -357,6 +357,25 @@ def test_wrong_input(change: dict[str, object], message: str) -> None:
         rw.step_sensitivity(**{**given, **change})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("condim", [4, 6])
+def test_a_contact_that_resists_turning_slides(make: Make, condim: int) -> None:
+    """Against steps taken: a ball slides and spins about the normal, and rolls."""
+    geom = f'size=".1" condim="{condim}" friction=".3 .01 .005"'
+    scene = make(world(FLOOR, free("b", "0 0 .1", geom), before=""))
+    q, v = [0.0, 0.0, 0.0999, 1.0, 0.0, 0.0, 0.0], np.array([1.0, 0.3, 0.0, 2.0, -1.0, 5.0])
+    s = rw.step_sensitivity(scene, "dynamic-compliant", None, q, v, H, wrt=("v",))
+    assert not s.contact.weak and s.contact.force[0] > 0.0
+    size, expected = 1e-5, np.zeros((6, 6))
+    for i, one in enumerate(size * np.eye(6)):
+        low, high = (
+            rw.step_sensitivity(scene, "dynamic-compliant", None, q, v + side * one, H, wrt=("v",)).v
+            for side in (-1.0, 1.0)
+        )
+        expected[:, i] = (high - low) / (2.0 * size)
+    assert np.abs(expected - np.eye(6)).max() > 1e-3
+    np.testing.assert_allclose(s.dv["v"], expected, atol=1e-6)
+
+
 def test_contacts_that_resist_turning_are_refused_where_forces_vanish() -> None:
     end = rw.simulate("three_fingers", "kinematic", duration=0.3).frames[-1]
     with pytest.raises(rw.ModelError, match="resist turning have no derivative where forces vanish"):

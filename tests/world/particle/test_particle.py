@@ -251,3 +251,8 @@ def test_the_recipe_counts_its_files() -> None:
         "__init__.py", "system.py", "scene.yaml", "test_particle.py",
     }  # fmt: skip
     assert world_of(rw.load(FILE)).roles() == {"puck": "object", "finger": "robot", "wall": "obstacle"}
+
+
+def test_steps_have_no_derivatives(scene: ParticleScene) -> None:
+    with pytest.raises(rw.ModelError, match="derivatives of steps do not work for puck"):
+        world_of(scene).slopes(scene.parameters(None), 0.1, 0.01)

@@ -216,8 +216,8 @@ def known(work: Work) -> str:
     failed = f"; with contact modes most legs failed for these reasons: {most}" if most else ""
     trees = f"; contact modes: {work.grown[TREES]} trees of {work.grown[LEGS]} legs" if work.grown else ""
     tried = f"moves tried: {outcomes.total()} ({parts or 'none'}){trees}"
-    refused = "; ".join(f"{why}: {count}" for why, count in work.derived.refused.most_common(2))
-    steered = f"; places from which no derivative of a step steered, {refused}" if refused else ""
+    why = ", ".join(f"{why}: {count}" for why, count in work.derived.refused.most_common(2))
+    steered = f"; steered without derivatives for these reasons: {why}" if why else ""
     return f"{ended}{tried}{_nearest(work)}{unlaid}{failed}{steered}"
 
 
