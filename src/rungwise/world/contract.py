@@ -20,11 +20,10 @@ from rungwise.scene.language.terms import Dimension, Term
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
-from rungwise.world.parts import Exported
+from rungwise.world.parts import Exported, Sloped
 from rungwise.world.rolled import Ended, Rolled
 
 if TYPE_CHECKING:
-    from rungwise.simulation.derivatives.slopes import Slopes
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
@@ -282,7 +281,7 @@ class Marks(Protocol):
     def __call__(self, q: Reals) -> Reals: ...
 
 
-class World(Exported, Protocol):
+class World(Exported, Sloped, Protocol):
     """A scene and its questions. shapes: what its bodies are (see `OUTLINES`); comparison_steps and
     replanning_steps: most steps of one run of a comparison, and of planning one move anew."""
 
@@ -327,10 +326,6 @@ class World(Exported, Protocol):
 
     def surroundings(self, parameters: Mapping[str, float]) -> Surroundings | None:
         """What touches what at these parameters; None where that is not known of scenes of this world."""
-
-    def slopes(self, parameters: Mapping[str, float], h: float, near: float) -> Slopes:
-        """Derivatives by inputs of where steps of length h of the quasistatic-compliant rung lead, with
-        bodies that reach farther by `near`. Raises ModelError where the scene's steps have none."""
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> Variant:
         """The scene on a rung, taken apart into ingredients."""

@@ -6,12 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.state import State
+
+if TYPE_CHECKING:
+    from rungwise.simulation.derivatives.slopes import Slopes
 
 Made = TypeVar("Made")
 Numbers = TypeVar("Numbers")
@@ -88,6 +91,14 @@ class Exported(Protocol):
 
     def mjcf(self, parameters: Mapping[str, float], states: Sequence[State], *, whole: bool = True) -> str:
         """The scene as MJCF with a keyframe for each state, or the keyframes alone. Raises ExportError."""
+
+
+class Sloped(Protocol):
+    """Where the inputs of a world's scene lead."""
+
+    def slopes(self, parameters: Mapping[str, float], h: float, near: float) -> Slopes:
+        """Derivatives by inputs of where steps of length h of the quasistatic-compliant rung lead, with
+        bodies that reach farther by `near`. Raises ModelError where the scene's steps have none."""
 
 
 def coordinates_as_joints(scene: AnyScene) -> dict[str, str]:
