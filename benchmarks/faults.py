@@ -428,7 +428,7 @@ FAULTS = (
     Fault(
         "fresh-keeps-deformation", "src/rungwise/simulation/core/update_state.py",
         "state.force[slot, i] = state.deformation[slot, i] = 0.0", "state.force[slot, i] = 0.0",
-        ("tests/simulation/test_thresholds.py::test_contacts_of_new_features_begin_without_deformation",),
+        ("tests/simulation/test_thresholds.py::test_contacts_of_new_features_are_deformed_by_what_bodies_overlap",),
         "a contact of new features keeps the deformation of the old ones", True,
     ),
     Fault(

@@ -265,12 +265,23 @@ def test_derivatives_by_parameters_keep_nine_digits() -> None:
     assert found.dv["parameters"][0, 0] == pytest.approx(0.1 * np.cos(1.0), rel=1e-9, abs=0.0)
 
 
-@pytest.mark.parametrize(("fresh", "left"), [(0, 0.3), (1, 0.0)])
-def test_contacts_of_new_features_begin_without_deformation(fresh: int, left: float) -> None:
+@pytest.mark.parametrize(
+    ("fresh", "compliant", "gap", "left"),
+    [
+        (0, True, -0.2, (0.3, 0.3)), (1, False, -0.2, (0.0, 0.0)), (1, True, 0.2, (0.0, 0.0)),
+        (1, True, -0.2, (0.2, 0.0)),
+    ],
+)  # fmt: skip
+def test_contacts_of_new_features_are_deformed_by_what_bodies_overlap(
+    fresh: int, compliant: bool, gap: float, left: tuple[float, float]
+) -> None:
     state: Any = SimpleNamespace(
         modes=np.ones(1, np.int64), force=np.full((1, 2), 5.0), deformation=np.full((1, 2), 0.3)
     )
-    terms: Any = SimpleNamespace(deformation=np.zeros(2))
+    terms: Any = SimpleNamespace(
+        deformation=np.zeros(2), gap=np.array([gap]), contact_stiffness=np.full((1, 2, 2), 1e3)
+    )
     scratch: Any = SimpleNamespace(slots=np.zeros(1, np.int64))
-    unwrap(take_slots)(np.zeros(1, np.int64), np.array([fresh]), state, terms, scratch)
-    assert (terms.deformation == left).all() and (state.force == (0.0 if fresh else 5.0)).all()
+    unwrap(take_slots)(np.zeros(1, np.int64), np.array([fresh]), compliant, state, terms, scratch)
+    assert terms.deformation.tolist() == list(left)
+    assert (state.force == (0.0 if fresh else 5.0)).all()

@@ -216,3 +216,26 @@ def test_a_jam_is_told_with_its_proof_alone(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(stepper, "certify_infeasible", lambda *_: None)
     unproved = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
     assert unproved.run(0.3) == Code.NOT_CONVERGED
+
+
+class NewFeatures(Particle):
+    """Its contact has new features in every step."""
+
+    def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Any, Any]:
+        slots, _ = super().fill(moment, terms, reach)
+        return slots, np.ones(len(slots), np.int64)
+
+
+@pytest.mark.parametrize("h", [1e-7, 1e-5, H])
+@pytest.mark.parametrize("damping", [0.0, 10.0, 1e4])
+@pytest.mark.parametrize("rung", [rw.QUASISTATIC_COMPLIANT, rw.DYNAMIC_COMPLIANT], ids=lambda rung: rung.name)
+def test_what_rests_on_a_contact_that_yields_rests_on_new_features_of_it(
+    rung: Rung, damping: float, h: float
+) -> None:
+    """A damper would push by its rate times the overlap over h if new features were not deformed."""
+    sunk = G / 1e4
+    stepping = Stepper(NewFeatures((0.0, -sunk), load=(0.0, -G), damping=damping), rung, h)
+    for _ in range(20):
+        stepping.advance(h)
+    assert stepping.q[1] == pytest.approx(-sunk, rel=1e-6)
+    assert stepping.state.force[0, 0] == pytest.approx(G, rel=1e-6)

@@ -334,11 +334,11 @@ class Stepper:
             raise
         count, d = len(slots), self.system.size.directions
         self.contacts = count
-        self._take_slots(slots, fresh, state, terms, self.scratch)
         if trial is not self.q:
             terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
             if not (rung.compliant or rung.metric):
                 open_added(terms, count, h, self._deep)
+        self._take_slots(slots, fresh, rung.compliant, state, terms, self.scratch)
         if self._further is not None:
             self._further.fill(self._tried(h), trial is self.q)
         if rung.inertia == 0.0:

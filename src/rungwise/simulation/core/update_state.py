@@ -42,17 +42,22 @@ def accept(trial: Trial) -> float:
 
 
 @kernel
-def take_slots(slots: Ints, fresh: Ints, state: State, terms: Terms, scratch: Scratch) -> None:
+def take_slots(
+    slots: Ints, fresh: Ints, compliant: bool, state: State, terms: Terms, scratch: Scratch
+) -> None:
     """Let the contacts of a step be those of these slots, as deformed as they are. Slots whose features are
-    new have neither force nor deformation."""
+    new have no force, and are deformed by as much as bodies that yield overlap there already: other features
+    of theirs have held them. Dampers would otherwise stop what has long come to rest."""
     d = state.force.shape[1]
     for k in range(slots.shape[0]):
         slot = scratch.slots[k] = slots[k]
         if fresh[k]:
             state.modes[slot] = OPEN
-        for i in range(d):
-            if fresh[k]:
+            for i in range(d):
                 state.force[slot, i] = state.deformation[slot, i] = 0.0
+            if compliant and math.isfinite(terms.contact_stiffness[k, 0, 0]):
+                state.deformation[slot, 0] = max(0.0, -terms.gap[k])
+        for i in range(d):
             terms.deformation[k * d + i] = state.deformation[slot, i]
 
 
