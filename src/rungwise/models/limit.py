@@ -29,9 +29,6 @@ _SMALL = 1e-3
 of the forces that balance the greatest. Chosen by trial, to a decade."""
 _NOTHING = 1e-14
 """Load over the greatest that is rounding of sums of loads: about a hundred roundings."""
-BLUNT = 1e-6
-"""Way of a contact along one of its directions, over that of the bodies, that is an error of the direction:
-what only moves across it would else count as nearly unable to move. Chosen by trial, to a decade."""
 
 
 @kernel
@@ -83,9 +80,8 @@ def limit_inertia(
         for r in range(contacts * d):
             k, j = r // d, r % d
             resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
-            mobility = _mobility(terms.rows, r, terms, n, free)
-            rate = resist * mobility / heaviest
-            if mobility > BLUNT * BLUNT and 0.0 < rate < math.inf:
+            rate = resist * _mobility(terms.rows, r, terms, n, free) / heaviest
+            if 0.0 < rate < math.inf:
                 soft = min(soft, rate)
     if not landing and soft < math.inf:
         damped = max(damped, FAINT * soft)
@@ -198,7 +194,7 @@ def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
     for i in range(n):
         a = free[i]
         greatest = max(greatest, abs(rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
-    return greatest / mobility if mobility > BLUNT * BLUNT else 0.0
+    return greatest / mobility if mobility > 0.0 else 0.0
 
 
 @kernel
