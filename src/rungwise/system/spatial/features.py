@@ -31,6 +31,7 @@ BLUNT = 1e-5
 """Motion of a contact along one of its directions, over its motion along the others by the same velocity,
 that is an error of the direction: normals of meshes err by 1e-6. Chosen by trial, to a decade."""
 
+
 class Features(Block):
     """Features by slot: geoms (s, 2); place, along (s, 6): the contact and its first tangent in the frames of
     the bodies of both geoms; world (s, 11): point, normal and first tangent in the world, gap and
