@@ -16,6 +16,7 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.execution.remaining_legs import Legs, inputs_of, run_pieces
 from rungwise.planning.modes.hands.gaits import cycled, hand_in
+from rungwise.planning.modes.reach.planner import reach_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
 from rungwise.planning.plan import Plan
@@ -116,7 +117,8 @@ class Moves:
 def begun(plan: Plan, budget: Budget, seed: int, threads: int | None) -> Work:
     """The work of the search that found a plan, from where it began: legs by contact modes have fingers, also
     where the task does not name them."""
-    work = with_places(begin(task_of(plan.scene, plan.parameters), budget, seed, threads))
+    work = begin(task_of(plan.scene, plan.parameters), budget, seed, threads)
+    work = with_places(work) if reach_in(work) is None else work
     return work.named if is_by_modes(plan.labels) else work
 
 

@@ -118,11 +118,12 @@ def plan(
         field = "improve" if rate is None else "robust"
         raise TaskError(f"{field}: needs a plan with inputs; on {chosen[-1]} there are only places")
     tell = on_progress or _silent
-    work = with_places(begin(task, Budget(budget, limit), seed, threads))
+    work = begin(task, Budget(budget, limit), seed, threads)
+    arm = reach_in(work)
+    work = with_places(work) if arm is None else work
     if (reserve := work.task.numbers["task.reserve"]) < task.numbers["task.reserve"]:
         tell(f"goal: a reserve of {reserve:g}, because it holds nowhere with more")
     found = Plan(loaded, task.parameters, seed=seed, version=installed(), reason="nothing was tried")
-    arm = reach_in(work)
     why = nowhere(work, apart=arm is None)
     if arm is not None and not why and not has_room(work, arm):
         why = nowhere(work)
