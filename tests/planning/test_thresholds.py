@@ -18,11 +18,11 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.design import design
 from rungwise.planning.design.optimise import Tuner
-from rungwise.planning.lift import repair
+from rungwise.planning.lift import lift, repair
 from rungwise.planning.modes.forces.cones import SLIDE, balances, memory_for, nonnegative
 from rungwise.planning.modes.forces.mode_motions import projected, turn
 from rungwise.planning.modes.tried import _at_speeds
-from rungwise.planning.motion.budget import Stage
+from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.joint_transit import SpaceTransit
 from rungwise.planning.motion.placements import Placing
 from rungwise.planning.search.problem import Work
@@ -338,3 +338,37 @@ def test_designs_may_drift_while_nearly_all_still_succeeds(monkeypatch: pytest.M
     monkeypatch.setattr(design, "_confirmed", lambda *given: asked.append(given[3]))
     rw.design("two_finger", ("v1",), box={"v1": (0.2, 2.2)}, model="quasistatic-rigid", threads=1)
     assert 0.9 * 0.8 < asked[0] < 0.995 * 0.8
+
+
+@pytest.mark.parametrize(
+    ("without", "moves", "is_left"), [(5, 5, True), (6, 6, False), (6, 12, True), (9, 12, False)]
+)
+@pytest.mark.parametrize("code", [Code.NOT_CONVERGED, Code.UNSUPPORTED, Code.MODEL_INVALID])
+def test_a_stage_on_which_most_moves_end_without_a_verdict_is_given_up(
+    without: int, moves: int, is_left: bool, code: Code
+) -> None:
+    stage, budget = Stage(rw.QUASISTATIC_RIGID, 1e-3), Budget()
+    others = [Code.MISSED] * (moves - without)
+    with budget.part(1.0, stage):
+        budget.take(stage, 1, np.array([*others, *([code] * without)]))
+        assert budget.left == is_left
+    assert budget.left
+    with budget.part(1.0, Stage(rw.DYNAMIC_COMPLIANT, 1e-3)):
+        assert budget.left
+
+
+@pytest.mark.parametrize("name", ["floor_push", "push"])
+def test_no_stage_is_given_up_but_those_before_the_last_where_modes_lead_fingers(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = dict[str, str]()
+
+    def taken(work: Work, before: rw.Plan, stage: Stage, _anew: bool = True) -> rw.Plan:
+        work.budget.take(stage, 1, np.full(10, Code.UNSUPPORTED))
+        ended.setdefault(stage.model.name, work.budget.ended)
+        return before
+
+    monkeypatch.setattr(lift, "_take_stage", taken)
+    rw.plan(name, seed=0, budget=1000, schedule=["quasistatic-rigid", "dynamic-compliant"])
+    given_up = "most moves end without a verdict" if name == "floor_push" else ""
+    assert ended == {"quasistatic-rigid": given_up, "dynamic-compliant": ""}

@@ -24,6 +24,7 @@ from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.records import with_record, without_vain_repairs
 from rungwise.planning.lift.repair import Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
+from rungwise.planning.modes.planner import suits
 from rungwise.planning.modes.reach.planner import has_room, reach_in
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.placements import needs_forces
@@ -207,7 +208,8 @@ def _one_turn(
     for stage in chosen if turn == 0 else moving:
         _announce(work, stage, found, tell)
         told = found.found
-        with work.budget.part(_share(work, stage, moving, turn)):
+        may_do = stage == last or not (work.named.task.is_led and suits(work))
+        with work.budget.part(_share(work, stage, moving, turn), None if may_do else stage):
             found = _take_stage(work, found, stage)
         if found.found and found.segments:
             found, failed = explained(work, found, failed), []

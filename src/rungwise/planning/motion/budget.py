@@ -21,6 +21,10 @@ SLOW = "too many steps"
 """What is said of moves that take more steps than a search waits for."""
 UNBOUNDED = 1_250_000
 """Steps of which stages take their parts where a search has no bounds."""
+TOLD, OPEN = 6, 0.6
+"""Moves after which a stage may be given up, and the part of them that then ends without a verdict."""
+WITHOUT_VERDICT = (Code.UNSUPPORTED, Code.MODEL_INVALID, Code.INVALID, Code.NOT_CONVERGED)
+"""Outcomes that leave open where a move leads."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class Budget:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
         self.end = Deadline(seconds(limit))
         self.cut = 0
+        self._moves, self._open = Counter[str](), Counter[str]()
+        self._given_up = ""
         self.tell: Callable[[], None] = _nothing
         self._told = clock.monotonic()
 
@@ -64,15 +70,19 @@ class Budget:
         self.spent[str(stage)] += steps
         if slow:
             self.outcomes[SLOW] += slow
+        self._moves[str(stage)] += len(outcomes)
         for code, count in enumerate(np.bincount(outcomes)):
             if count:
                 self.outcomes[Code(code).name.lower()] += int(count)
+                self._open[str(stage)] += int(count) * (code in WITHOUT_VERDICT)
 
     @contextmanager
-    def part(self, share: float) -> Iterator[None]:
+    def part(self, share: float, giving_up: Stage | None = None) -> Iterator[None]:
         """Allow only this part of the steps and of the time that are left, until the end of the context; of
-        `UNBOUNDED` steps where neither is bounded, so that all stages have their turns."""
-        most, end, spent = self.most, self.end, self.spent.total()
+        `UNBOUNDED` steps where neither is bounded, so that all stages have their turns; and no more where
+        most moves on a stage that may be given up end without a verdict."""
+        most, end, spent, given_up = self.most, self.end, self.spent.total(), self._given_up
+        self._given_up = given_up if giving_up is None else str(giving_up)
         if most is not None or end.ends == math.inf:
             self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
         self.end = end.part(share)
@@ -80,7 +90,7 @@ class Budget:
             yield
         finally:
             self.cut += not self.is_in_time()
-            self.most, self.end = most, end
+            self.most, self.end, self._given_up = most, end, given_up
 
     @property
     def deadline(self) -> Deadline:
@@ -107,6 +117,9 @@ class Budget:
         """Why nothing more may be tried, in words; empty if more may."""
         if self.most is not None and self.spent.total() >= self.most:
             return "the budget is spent"
+        moves, without = self._moves[self._given_up], self._open[self._given_up]
+        if self._given_up and moves >= TOLD and without > OPEN * moves:
+            return "most moves end without a verdict"
         return "" if self.is_in_time() else "the time is over"
 
     def is_in_time(self) -> bool:
