@@ -11,6 +11,7 @@ import rungwise as rw
 from rungwise.planning.execution.policy import FOLLOWING, LOST, RE_PROPOSING, adequate
 from rungwise.planning.execution.timed import Timed
 from rungwise.planning.motion.budget import Stage
+from rungwise.scene.scene import LIBRARY
 from rungwise.world.carriers import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
 from tests.planning.members import unnamed_hand
@@ -167,6 +168,55 @@ def test_hands_of_joined_links_go_on_from_what_is_measured(seed: int) -> None:
             control=policy, rate=policy.rate, duration=policy.duration,
         )  # fmt: skip
         assert run.outcome == rw.Outcome.GOAL, policy.reason
+
+
+@cache
+def plan_of_four_fingers() -> rw.Plan:
+    """A plan of a hand that turns a ball in its palm a little; the ball may lie `aside`."""
+    data = rw.load("hand_turn").file.model_dump(mode="json", exclude_unset=True)
+    data["model"]["file"] = str(LIBRARY / "space" / data["model"]["file"])
+    data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
+    data["start"]["places"] = {"ball.x": "aside"}
+    parameters = {"turn": 30.0, "aligned": 0.05}
+    found = rw.plan(
+        rw.load(data), schedule=[("dynamic-compliant", 1e-2)], seed=0, parameters=parameters, limit=300
+    )
+    assert found.found, found.reason
+    return found
+
+
+def led_by_hand(aside: float) -> tuple[rw.Policy, rw.SpaceRun]:
+    plan = plan_of_four_fingers()
+    policy = plan.policy()
+    run = rw.simulate(
+        plan.scene, "dynamic-compliant", parameters=plan.parameters | {"aside": aside}, tol=plan.tol,
+        control=policy, rate=policy.rate, duration=policy.duration,
+    )  # fmt: skip
+    return policy, run
+
+
+def test_fingers_keep_to_a_ball_that_lies_aside_without_any_proposal() -> None:
+    plan = plan_of_four_fingers()
+    policy, run = led_by_hand(0.003)
+    assert run.outcome == rw.Outcome.GOAL and not policy.proposals
+    told = [segment.inputs for segment in run.inputs]
+    asked = [segment.inputs for segment in plan.segments]
+    assert max(abs(told[-1][name] - asked[-1][name]) for name in asked[-1]) > 0.01
+
+
+def test_an_object_is_not_moved_to_close_contacts_of_fingers_around_it() -> None:
+    """It stays where it is measured, but for overlaps; and joints stay in their ranges."""
+    plan = plan_of_four_fingers()
+    policy, states = plan.policy(), plan.replay().states
+    names = list(plan.scene.template.coordinates)
+    ball = [names.index(f"ball.{axis}") for axis in "xyz"]
+    seen = states[36].q.copy()
+    seen[ball[1]] += 0.002
+    seen[[name.endswith("_root") for name in names]] -= 0.06
+    seen[names.index("first_base.first_aside")] = 10.0
+    found = policy._measured(seen.copy(), states[36].v, states[36].q)
+    assert np.linalg.norm(found.q[0, ball] - seen[ball]) < 0.0025
+    assert found.q[0, names.index("first_base.first_aside")] < 1.0
 
 
 def test_the_cheapest_rung_from_which_a_plan_held_is_adequate() -> None:

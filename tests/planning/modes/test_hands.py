@@ -12,6 +12,7 @@ import pytest
 import rungwise as rw
 from rungwise.planning.execution.feedback import Moves
 from rungwise.planning.modes.hands import described
+from rungwise.planning.modes.hands.beside import beside
 from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
 from rungwise.planning.modes.hands.gaits import by_hand, hand_in
 from rungwise.planning.modes.hands.hand import Hand, hand_of
@@ -158,6 +159,29 @@ def test_forces_of_a_hold_balance_the_load_and_stay_in_their_cones() -> None:
     np.testing.assert_allclose(torque, -rows.T @ hold.forces[1], atol=1e-9)
 
 
+@pytest.mark.parametrize("plane", [True, False])
+def test_fingers_keep_to_an_object_that_lies_elsewhere(plane: bool) -> None:
+    """A fingertip touches it at the same point of its surface, as far as it reaches; else targets stay."""
+    task = task_of(unnamed_hand(0.5, 40) if plane else rw.load("hand_turn"))
+    hand, q = _hand(task)
+    finger, rng, place = hand.fingers[0], np.random.default_rng(0), None
+    while place is None:
+        drawn = finger.low + (finger.high - finger.low) * rng.uniform(0.3, 0.7, len(finger.low))
+        place = closed(hand, finger, finger.posed(q, drawn), finger.touching[0])
+    change = np.zeros(len(hand.around.owners))
+    change[hand.columns[0]], change[hand.columns[-1]] = 0.04 * hand.size, 0.05
+    here = hand.around.changed(place, change)
+    rows = np.array(
+        [inputs(hand, task.before, np.concatenate([f.chain.joints(place) for f in hand.fingers]))]
+    )
+    found = beside(hand, rows, place, place, here)
+    np.testing.assert_allclose(beside(hand, rows, place, place, place), rows, atol=1e-12)
+    joints = finger.driven.led.at(found[0, list(finger.driven.columns)])
+    before = hand.around.near(here, finger.touching[0]).gap
+    after = hand.around.near(finger.posed(here, joints), finger.touching[0]).gap
+    assert abs(before) > 5.0 * CLOSED * hand.size and abs(after) < 2.0 * CLOSED * hand.size
+
+
 def test_cycles_give_values_to_all_inputs_and_lead_as_far_as_a_cycle_may() -> None:
     task = task_of(rw.load("hand_turn"))
     work = begin(task, Budget(1000, None), 0, 1)
@@ -183,7 +207,7 @@ def test_two_fingers_turn_a_disc_as_far_as_is_asked(turn: float, seed: int) -> N
 @pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_hand_goes_on_by_cycles_where_nothing_of_its_plan_leads_on(seed: int) -> None:
-    """Wherever the object is; the moves are made one by one."""
+    """Wherever the object is; all moves of a way that was found are made together."""
     scene, rng = unnamed_hand(0.8, 40), np.random.default_rng(seed)
     work = begin(task_of(scene), Budget(10_000, None), seed, 1)
     predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
@@ -195,7 +219,9 @@ def test_a_hand_goes_on_by_cycles_where_nothing_of_its_plan_leads_on(seed: int) 
     while not reached:
         course = rest.next(replace(work, start=start), levels)
         assert course is not None
-        start, levels, reached, made = course.places[-1], course.levels, course.reached, made + 1
+        np.testing.assert_array_equal(len(rest.made), len(course.counts))
+        start, levels, reached = course.places[-1], course.levels, course.reached
+        made += len(course.counts)
     assert made >= 3
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 
@@ -35,29 +34,33 @@ COARSE = 1e-2
 LOOKS = 2
 """Moves that are made at most, for each that a plan of the task may have."""
 REPAIR = Search(population=48, generations=6)
-ROUNDS = 12
-"""Rounds of a tree that is grown anew."""
+ROUNDS, CYCLED = 12, 24
+"""Rounds of a tree that is grown anew; and of one of cycles of a hand, of which most take half a dozen
+moves."""
 
 
 class Moves:
-    """The moves (k, d) of a plan that are left in one execution; before: inputs (u,) at its beginning."""
+    """The moves (k, d) of a plan that are left in one execution; before: inputs (u,) at its beginning; made
+    (j, d): the moves that were laid out last."""
 
     def __init__(self, plan: Plan, nominal: Predictor, work: Work) -> None:
         """`work` begins where the plan does: a hand and its goals are the same from wherever it goes on."""
         self.before = work.task.before
         self._left, self._nominal = plan.moves, nominal
+        self.made = plan.moves[:0]
         self._hand = hand_in(work)
         if self._hand is not None:
             goals_of(work)
 
     def next(self, work: Work, levels: Reals) -> Course | None:
-        """The next move, laid out; None where there is none."""
+        """The next move, laid out; of a hand all that lead on; None where there is none."""
         for vectors in self._plans(work, self._left, levels):
+            count = 1 if self._hand is None else len(vectors)
             course = lay_out(
-                work.moves, work.transit, self._nominal, work.start, vectors[:1], work.seed, levels, True
+                work.moves, work.transit, self._nominal, work.start, vectors[:count], work.seed, levels, True
             )
             if course.segments and not course.blocked and (course.reached or course.outcome in GOES_ON):
-                self._left = vectors[1:]
+                self.made, self._left = np.split(vectors, [len(course.counts)])
                 return course
         return None
 
@@ -97,15 +100,12 @@ class Moves:
 
     def _trees(self, work: Work, levels: Reals, most: int) -> Iterator[tuple[Tree, Reals]]:
         """Trees from where the world is, with a plan (k, d) to the goal or (0, d), until the budget is spent
-        or one does not grow; of cycles, where a hand holds the object, and of any moves in turns."""
-        for number in count():
-            if not work.budget.left:
-                return
-            if self._hand is not None and number % 2 == 0:
-                cycles, way = cycled(work, self._nominal, self._hand, levels, number)
-                if cycles is not None:
-                    yield cycles, way
-                continue
+        or one does not grow; one of cycles, where a hand holds the object."""
+        if self._hand is not None:
+            cycles, way = cycled(work, self._nominal, self._hand, levels, 0, CYCLED)
+            if cycles is not None:
+                yield cycles, way
+        while self._hand is None and work.budget.left:
             tree, way = grow(
                 work.moves, self._nominal, work.start, levels, work.whole, most, ROUNDS, work.rng
             )

@@ -40,8 +40,6 @@ from rungwise.world.stepped import Simulation
 FOLLOWING, RE_PROPOSING, LOST = "following", "re-proposing", "lost"
 """What a policy does: it gives the inputs of its plan; it has proposed the next part anew; or it knows
 nothing that leads on, and goes on with what is left or stands still."""
-AFRESH = 0.02
-"""How far from where it is expected, in parts of the size, an object may be as a leg begins."""
 LOOKS = 5
 """How often a policy is asked at least in the time in which the fastest robot goes a tenth of the size."""
 LEAST, MOST = 100, 2000
@@ -123,6 +121,7 @@ class Policy:
         self._around: Surroundings | None = world.surroundings(plan.parameters)
         self._firm = self._firmness()
         self._place = world.place(plan.parameters)
+        self._travel = world.at(plan.parameters).travel
         self._work = begun(plan, Budget(), plan.seed, 1)
         self._task = self._work.task
         weights = self._task.weights
@@ -212,7 +211,7 @@ class Policy:
         if part.is_known(at) and not self._is_lost:
             off = self._rest.away(max(running - self._gone, 0), q, expected) / self._task.size
         begins = at == 0.0 or int(part.legs[part.segment(max(at - period, 0.0))]) != running
-        if begins and self._is_own and off > AFRESH:
+        if begins and (self._is_own or not self._rest.midway) and off > self._rest.astray:
             self._propose(now, q, v, running, (), self._told_off(off, "as a part begins"), expected)
         elif off > ASTRAY and self._rest.midway:
             made = part.labels[: part.segment(at)]
@@ -220,6 +219,8 @@ class Policy:
             self._propose(now, q, v, running, tuple(own), self._told_off(off, "on the way"), expected)
         elif not self._is_lost:
             self.status, self.reason = FOLLOWING, ""
+            if begins:
+                self._now = self._rest.fitted(part, running, q, expected)
 
     def _told_off(self, off: float, when: str) -> str:
         return f"objects are {off * self._task.size:.3g} from where they were expected {when}"
@@ -296,9 +297,12 @@ class Policy:
             return self._nominal.measured(q, v, self._levels)
         touching = self._around.touches(expected, CLOSED * self._task.size)
         closed: Ints = touching.pairs[touching.gaps <= CLOSED * self._task.size]
+        if not self._rest.closes:
+            closed = closed[:0]
         for _ in range(IN_TURN):
             opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm)
             (q,), (v,) = self._place.closed(opened[None], v[None], self._free)
+            q = np.clip(q, *self._travel)
             if (q == opened).all() or not (self._around.touches(q, 0.0).gaps < 0.0).any():
                 break
         return self._nominal.measured(q, v, self._levels)

@@ -52,7 +52,7 @@ def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
 
 
 def cycled(
-    work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int
+    work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int, rounds: int = ROUNDS
 ) -> tuple[Tree | None, Reals]:  # fmt: skip
     """The tree of cycles of this number from where the work starts, after inputs `levels` (u,); None where no
     place at the goal is known. And its moves (k, d) to the goal, (0, d) if there are none. Raises
@@ -62,7 +62,7 @@ def cycled(
     gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
     try:
         gaits.tree, way = grow(
-            work.moves, predictor, work.start, levels, work.whole, work.task.moves[1], ROUNDS, rng, None,
+            work.moves, predictor, work.start, levels, work.whole, work.task.moves[1], rounds, rng, None,
             gaits,
         )  # fmt: skip
     finally:

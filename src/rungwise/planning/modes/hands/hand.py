@@ -24,8 +24,8 @@ MOVED = 1e-6
 class Finger:
     """A chain of joints (k,). driven: how inputs lead it; loose (k,): joints that lead no other finger, the
     others stand still; low, high (k,): to where inputs and travel let joints go; bodies: those that it moves;
-    touching: the scene's contacts of its last bodies with the object; around: all of its contacts but those
-    with other fingers."""
+    touching: the scene's contacts of its last bodies with the object; tips: the last body in each of these;
+    around: all of its contacts but those with other fingers."""
 
     driven: Driven
     chain: Chain
@@ -34,6 +34,7 @@ class Finger:
     high: Reals
     bodies: frozenset[int]
     touching: tuple[int, ...]
+    tips: tuple[int, ...]
     around: Ints
 
     def rates(self, q: Reals) -> Reals:
@@ -138,7 +139,7 @@ def _finger(
     own = [k for k, (a, b) in enumerate(pairs) if (a in bodies) != (b in bodies)]
     return Finger(
         driven, chain, loose, np.maximum(low, middle - reach), np.minimum(high, middle + reach), bodies,
-        tuple(touching), np.array(own, np.int64),
+        tuple(touching), tuple(pairs[k][pairs[k][0] == body] for k in touching), np.array(own, np.int64),
     )  # fmt: skip
 
 
