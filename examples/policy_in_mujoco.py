@@ -1,10 +1,11 @@
 """A plan in MuJoCo's own loop: as it is, and with its policy, which is called on MuJoCo's state.
 
-python examples/policy_in_mujoco.py
+python examples/policy_in_mujoco.py [PLAN.json]
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import mujoco
@@ -35,8 +36,8 @@ def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, durat
     return "missed"
 
 
-def main() -> None:
-    plan = rw.plan("floor_push", seed=1)
+def main(plan: rw.Plan | None = None) -> None:
+    plan = plan or rw.plan("floor_push", seed=1)
     policy = plan.policy()
     rows, durations = plan.levels()
     start = np.array([plan.parameters[name] for name in plan.scene.template.inputs])
@@ -55,4 +56,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(rw.load_plan(sys.argv[1]) if len(sys.argv) > 1 else None)
