@@ -1,8 +1,12 @@
-"""Boxes face to face: their contacts in place of the one that MuJoCo finds where edges seem farther apart.
+"""Boxes face to face: their contacts in place of the one that MuJoCo finds where edges seem farther apart,
+and none with a face that another box of the same piece covers.
 
 MuJoCo takes the axis of 15 on which two boxes are farthest apart (Gottschalk and others 1996, OBBTree). Where
 faces are flush but for 1e-12 rad or so, the cross product of two edges is the normal of the faces up to
 rounding, wins every tenth time, and leaves one contact of two edges where there are four of faces.
+
+It takes each geom alone. Where a corner has only just passed the seam of two boxes that are flush, as the
+boards of a floor, the shortest way out of the second is back through the face between them.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ if TYPE_CHECKING:
 FLUSH = 1e-5
 """An axis of two edges counts where boxes are farther apart on it than on any normal of a face, by this part
 of the smaller box, a tenth of the overlap that a rigid step may have."""
+BEYOND = 2.0
+"""How far beyond a face is looked whether another box covers it, in the distance that counts as flush."""
 CORNERS = 16
 """Room for the corners of a face that another has cut: eight at most, and one more for each of four cuts."""
 
@@ -55,18 +61,25 @@ class Boxes:
         self._face_contacts, self._fill_tangents = steady(face_contacts), steady(fill_tangents)
         self._alone = np.zeros(1, np.int64)
         self._frame = np.zeros(9)
+        self._seams = seams(model) if self.may_meet else None
         self._room = Room(
             np.zeros((CORNERS, 4)), self._frame[:3], np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3))
         )
 
     def mend(self, data: mujoco.MjData) -> None:
-        """Put contacts of faces in place of single ones of edges."""
+        """Put contacts of faces in place of single ones of edges, and leave out those with covered faces."""
         contact = data.contact
         if len(self._alone) < data.ncon:
             self._alone = np.zeros(2 * data.ncon, np.int64)
         count = self._single_contacts[data.ncon > 1](contact.geom, self.is_box, self._alone)
         for c in self._alone[:count].tolist():
             self._replace(c, data)
+        if self._seams is not None and data.ncon:
+            contact = data.contact
+            leave_out(
+                contact.geom, contact.frame, contact.pos, contact.dist, contact.exclude, *self._seams,
+                data.geom_xpos, data.geom_xmat, self.model.geom_size,
+            )  # fmt: skip
 
     def _replace(self, c: int, data: mujoco.MjData) -> None:
         import mujoco
@@ -83,6 +96,86 @@ class Boxes:
             contact.pos, contact.dist = place, gap
             if k + 1 < len(near):
                 mujoco.mj_addContact(self.model, data, contact)
+
+
+def seams(model: mujoco.MjModel) -> tuple[Ints, Ints] | None:
+    """The boxes of the same piece that each geom touches: where they begin (g + 1,), and their numbers; None
+    if there are none."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    boxes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).tolist()
+    shapes = {g: Box(data.geom_xpos[g], data.geom_xmat[g], model.geom_size[g]) for g in boxes}
+    piece, first, others = model.body_weldid[model.geom_bodyid], [0], list[int]()
+    for g in range(model.ngeom):
+        beside = [h for h in boxes if g in shapes and h != g and piece[h] == piece[g]]
+        others += [
+            h for h in beside if far_apart(shapes[g], shapes[h]) <= FLUSH * model.geom_size[[g, h]].min()
+        ]
+        first.append(len(others))
+    return (np.array(first), np.array(others)) if others else None
+
+
+@kernel
+def far_apart(one: Box, other: Box) -> float:
+    """How far two boxes are apart at least, on the normals of their faces."""
+    far = -math.inf
+    for k in range(6):
+        far = max(far, _apart(k % 3, (other if k >= 3 else one).turn, one, other))
+    return far
+
+
+@kernel
+def leave_out(
+    geom: Ints, frame: Reals, pos: Reals, dist: Reals, exclude: Ints, first: Ints, others: Ints,
+    centre: Reals, turn: Reals, size: Reals,
+) -> None:  # fmt: skip
+    """Exclude contacts with a face of a box that another box of its piece covers, and beyond which the first
+    does not reach there."""
+    for c in range(geom.shape[0]):
+        for side in range(2):
+            g, away = geom[c, side], 1.0 - 2.0 * side
+            if g < 0:
+                continue
+            for at in range(first[g], first[g + 1]):
+                h = others[at]
+                own, cover = Box(centre[g], turn[g], size[g]), Box(centre[h], turn[h], size[h])
+                if is_covered(own, cover, frame[c, :3], away, pos[c], dist[c]):
+                    exclude[c] = 1
+
+
+@kernel
+def is_covered(own: Box, cover: Box, normal: Reals, away: float, pos: Reals, dist: float) -> bool:
+    """Whether the place of a contact on a box is covered by another one, beyond whose nearest face next to it
+    the first does not reach; `away` times the normal leads out of the first box."""
+    smaller = math.inf
+    for i in range(3):
+        smaller = min(smaller, own.half[i], cover.half[i])
+    flush = FLUSH * smaller
+    nearest, beside, sign = math.inf, -1, 1.0
+    for i in range(3):
+        place, out = 0.0, 0.0
+        for k in range(3):
+            surface = pos[k] + away * normal[k] * (BEYOND * flush - 0.5 * dist)
+            place += cover.turn[3 * k + i] * (surface - cover.centre[k])
+            out += cover.turn[3 * k + i] * away * normal[k]
+        left = cover.half[i] - abs(place)
+        if left < -flush:
+            return False
+        if left < nearest and abs(out) < 0.5:
+            nearest, beside, sign = left, i, math.copysign(1.0, place)
+    if beside < 0:
+        return False
+    reach = 0.0
+    for k in range(3):
+        reach += sign * cover.turn[3 * k + beside] * (own.centre[k] - cover.centre[k])
+    for j in range(3):
+        along = 0.0
+        for k in range(3):
+            along += cover.turn[3 * k + beside] * own.turn[3 * k + j]
+        reach += abs(along) * own.half[j]
+    return bool(reach <= cover.half[beside] + flush)
 
 
 @kernel
