@@ -8,7 +8,7 @@ to the goal is found, or the processor time is spent, in three ways:
 
   drawn     moves are drawn (the tree that other searches begin with); with --drawn alone
   sampled   at a node moves with inputs nearby are run, and a linear model is fitted to their ends
-  derived   the same, and the derivative of one step proposes moves where steering begins, beside these
+  derived   the same, and where nothing was fitted yet the derivative of one step proposes moves, too
 
 `film_hand` is `planar_hand` with a viscous film in place of the dry support, whose law has no derivative of a
 step; so the last two ways are the same for `planar_hand`. The tasks `pang_...`, with the ball's turn in

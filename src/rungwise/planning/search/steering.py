@@ -5,7 +5,9 @@ where the objects come: the derivative of the end of a move by its inputs, smoot
 these inputs close and open (randomized smoothing: Suh, Pang and Tedrake, 2022, arXiv 2109.05143; planning
 with it: Pang, Suh, Yang and Tedrake, 2023, arXiv 2206.10787). Bounded least squares of the model give the
 inputs that come nearest to the goal, within several radii about those at the node; they are run like any
-other move, and their ends are nodes about which steering goes on. The other moves let go and grasp anew:
+other move, and their ends are nodes about which steering goes on. Where nothing was fitted yet, a model by
+the derivative of one step proposes moves, too (`derived`); everywhere it would lead trees too greedily into
+dead ends, from which fingers have to grasp anew. The other moves let go and grasp anew:
 some of the inputs are drawn anew, go back to where they were before, or repeat a move that led nearer to
 the goal.
 """
@@ -52,7 +54,7 @@ class Steering:
         inner = np.flatnonzero(tree.depth < deepest)
         parents, vectors = list[Ints](), list[Reals]()
         for node in self._chosen(tree, inner, rng):
-            rows = np.vstack([self._foreseen(tree, node, rng), self._about(tree, node, rng)])
+            rows = self._about(tree, node, rng)
             self._tries[node] += 1
             parents.append(np.full(len(rows), node, np.int64))
             vectors.append(rows)
@@ -69,19 +71,18 @@ class Steering:
         return [int(node) for node in inner[np.argsort(weighed, kind="stable")[:STEERED]]]
 
     def _foreseen(self, tree: Tree, node: int, rng: np.random.Generator) -> Reals:
-        """Moves (m, d) that the derivative of a step proposes where steering begins; none elsewhere, and none
+        """Moves (m, d) that the derivative of a step proposes where steering begins, none elsewhere; none
         where inputs move no object."""
-        held = self._held(tree, node)
-        model = None
+        held, model = self._held(tree, node), None
         if not self._tries[node]:
             model = self._derived.model(tree.q[node], float(tree.time[node]), tree.levels[node])
         if model is None or not model.any():
-            return held[None, :][:0]
+            return np.zeros((0, len(held)))
         return self._steps(tree, node, held, (np.zeros(model.shape[1]), model), rng)
 
     def _about(self, tree: Tree, node: int, rng: np.random.Generator) -> Reals:
-        """Moves (m, d) from a node: those that a model proposes where enough is known, else such as tell; the
-        model of the node before where steering has not yet begun here."""
+        """Moves (m, d) from a node: those that a model proposes where enough is known, else such as tell and
+        those of a derivative; the model of the node before where steering has not yet begun here."""
         held, size = self._held(tree, node), len(self._task.free)
         enough = min(size + EXTRA, PROBES)
         for source in (node, int(tree.parent[node])) if not self._tries[node] else (node,):
@@ -95,7 +96,7 @@ class Steering:
                 return self._steps(tree, node, held, (middle, model[1]), rng)
         rows = np.repeat(held[None], enough, axis=0)
         rows[1:, :size] += SPREAD * rng.standard_normal((enough - 1, size))
-        return np.clip(rows, 0.0, 1.0)
+        return np.vstack([self._foreseen(tree, node, rng), np.clip(rows, 0.0, 1.0)])
 
     def _held(self, tree: Tree, node: int) -> Reals:
         """The move (d,) that holds the inputs at a node, for a middle duration."""
