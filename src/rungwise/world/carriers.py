@@ -315,6 +315,8 @@ def apart(
         if deepest <= 0.0:
             break
         touches = around.touches(found, BESIDE * deepest)
+        if not len(touches.gaps):
+            break
         wanted = np.maximum(-BEYOND * touches.gaps, 0.0)
         found = _changed(around, found, touches.rows[:, 0], wanted, weights)
     return found

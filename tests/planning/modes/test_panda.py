@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,3 +49,13 @@ def test_the_tee_lies_on_the_table_at_its_goal_and_on_its_way_past_the_post(pand
     assert way[:, 2] == pytest.approx(np.full(len(way), 0.02), abs=1e-3)
     # The post stands at (0.5, 0), and the shortest half width of the T is 0.02.
     assert np.hypot(way[:, 0] - 0.5, way[:, 1]).min() > 0.02 + 0.025
+
+
+@pytest.mark.long
+def test_the_tee_is_pushed_to_its_pose_and_a_policy_corrects_where_it_begins(panda: Any) -> None:
+    plan = rw.plan(panda, schedule="direct", seed=0, limit=300)
+    assert plan.found, plan.reason
+    policy, start = plan.policy(), rw.State.of(panda)
+    first = policy(replace(start, q=start.q + 0.002 * (np.array(start.names) == "tee.x")))
+    assert set(first) == set(panda.template.inputs)
+    assert policy.proposals[-1].found and policy.status != "lost", policy.reason

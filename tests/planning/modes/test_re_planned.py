@@ -149,3 +149,12 @@ def test_as_many_contacts_of_a_pair_are_closed_as_are_expected(named: int) -> No
     gaps = np.sort(around.touches(found, 0.02).gaps[around.touches(found, 0.02).pairs == floor])
     assert np.abs(gaps[:named]).max() < 2e-5
     assert (abs(found[5] - q[5]) < 0.01) == (named == 1)
+
+
+def test_bodies_stay_where_no_contact_tells_how_they_come_apart() -> None:
+    def touches(_q: Reals, within: float) -> Any:
+        gaps = np.full(int(within == 0.0), -1e-3)
+        return SimpleNamespace(gaps=gaps, rows=np.ones((len(gaps), 1, 1)), pairs=np.zeros(len(gaps), int))
+
+    around: Any = SimpleNamespace(touches=touches)
+    assert apart(around, np.zeros(1)).tolist() == [0.0]
