@@ -56,6 +56,6 @@ def test_the_tee_is_pushed_to_its_pose_and_a_policy_corrects_where_it_begins(pan
     plan = rw.plan(panda, schedule="direct", seed=0, limit=300)
     assert plan.found, plan.reason
     policy, start = plan.policy(), rw.State.of(panda)
-    first = policy(replace(start, q=start.q + 0.002 * (np.array(start.names) == "tee.x")))
+    first = policy(replace(start, q=start.q + 0.005 * (np.array(start.names) == "tee.x")))
     assert set(first) == set(panda.template.inputs)
     assert policy.proposals[-1].found and policy.status != "lost", policy.reason
