@@ -9,11 +9,13 @@ import pytest
 import rungwise as rw
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.moves import Moves
-from rungwise.planning.search.goals import goals_of
+from rungwise.planning.search import search
+from rungwise.planning.search.derived import Derived
+from rungwise.planning.search.goals import GOAL_PLACES, goals_of
 from rungwise.planning.search.problem import begin, known
 from rungwise.planning.search.steering import RADII, SPREAD, Steering, fitted, nearest_change
 from rungwise.planning.search.tree import Tree, grow
-from rungwise.planning.task.task import task_of
+from rungwise.planning.task.task import Task, task_of
 from rungwise.world.find import world_of
 from tests.planning.members import unnamed_hand
 from tests.simulation.test_slopes import pushed, rolled
@@ -115,3 +117,22 @@ def test_the_derivative_feels_fingers_that_nearly_touch() -> None:
         task = task_of(asked(pushed(gap), "hypot(disc.x - 0.01, disc.y) <= 1e-4"))
         model = begin(task, Budget(), 0, 1).derived.model(world_of(task.scene).at().q, 0.0, task.before)
         assert model is not None and bool(np.abs(model).max() > 0.01) == felt
+
+
+def test_every_second_tree_steers_without_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = list[bool]()
+
+    class Noting(Steering):
+        def __init__(self, task: Task, goals: np.ndarray, derived: Derived | None) -> None:
+            super().__init__(task, goals, derived)
+            given.append(derived is not None)
+
+    monkeypatch.setattr(search, "Steering", Noting)
+    monkeypatch.setattr(search, "MANY", 1)
+    task = task_of(asked(pushed(), "disc.x >= 9"))
+    work = begin(task, Budget(3_000), 0, 1)
+    predictor = work.predictor(Stage(rw.DYNAMIC_COMPLIANT, 1e-2))
+    work.kept[GOAL_PLACES] = work.start.q
+    for _ in range(4):
+        search.search_once(work, predictor)
+    assert given == [True, False, True, False]

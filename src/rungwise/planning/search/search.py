@@ -175,8 +175,10 @@ def _steered(work: Work, predictor: Predictor, begun: Begun, aim: Aim) -> Iterat
     """Plans that steer objects to places at the goal by the inputs that no carrier uses."""
     if work.task.carriers or aim.partial or not len(goals_of(work)):
         return
-    rng = np.random.default_rng([work.seed, work.trees[str(predictor.stage)]])
-    steering = Steering(work.task, goals_of(work), work.derived)
+    number = work.trees[str(predictor.stage)]
+    rng = np.random.default_rng([work.seed, number])
+    derived = work.derived if number % 2 else None  # derivatives lead long turns into dead ends
+    steering = Steering(work.task, goals_of(work), derived)
     tree, way = grow(
         work.moves,
         predictor,

@@ -43,7 +43,7 @@ RANK = 0.3
 class Steering:
     """Moves of a task whose inputs no carrier uses, that steer its objects to places (g, n) at the goal."""
 
-    def __init__(self, task: Task, goals: Reals, derived: Derived) -> None:
+    def __init__(self, task: Task, goals: Reals, derived: Derived | None) -> None:
         self._task, self._goals, self._derived = task, goals, derived
         self._tries = Counter[int]()
 
@@ -74,7 +74,7 @@ class Steering:
         """Moves (m, d) that the derivative of a step proposes where steering begins, none elsewhere; none
         where inputs move no object."""
         held, model = self._held(tree, node), None
-        if not self._tries[node]:
+        if self._derived is not None and not self._tries[node]:
             model = self._derived.model(tree.q[node], float(tree.time[node]), tree.levels[node])
         if model is None or not model.any():
             return np.zeros((0, len(held)))
