@@ -97,6 +97,24 @@ def test_what_is_no_number_is_lost_and_inputs_stay() -> None:
     assert policy.status == LOST and policy.reason == "what is measured is not finite"
 
 
+def test_a_policy_that_finds_nothing_tries_ever_more_rarely(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The box is seen to lie elsewhere for as long as a policy may take, and no search finds anything."""
+    policy = policy_of("push").plan.policy()
+    monkeypatch.setattr(type(policy._rest), "anew", lambda *_: None)
+    plan, times = policy.plan, list[float]()
+    start, x = rw.State.of(plan.scene, parameters=plan.parameters), policy.plan.scene.template.coordinates
+    q = start.q.copy()
+    q[x.index("box.x")] += 0.02
+    policy.restart()
+    for time in np.arange(0.0, policy.duration, 0.02 * plan.duration):
+        before = len(policy.proposals)
+        policy(rw.State(start.names, q, start.v, float(time)))
+        times += [float(time)] * (len(policy.proposals) - before)
+    waits = np.diff(times)[1:]  # the first is for the end of the plan
+    assert policy.status == LOST and not any(each.found for each in policy.proposals)
+    assert len(waits) >= 4 and (waits[1:] > 1.5 * waits[:-1]).all()
+
+
 @pytest.mark.parametrize(
     ("seen", "said"),
     [(3.0, "takes an observation, a state or a simulation, not float"), ("push", "not of card")],

@@ -51,7 +51,8 @@ PIECES = 100
 LATER = 5.0
 """How many times as long as the plan an execution with a policy may take."""
 WAITED = 0.1
-"""Part of the plan's duration after which a policy that is lost tries again."""
+"""Part of the plan's duration after which a policy that is lost tries again, twice as long each time that it
+finds nothing: what stands still seldom has a way on that was not found before."""
 FIRM = 10.0
 """What a change of a robot's place weighs over one of an object's, where measured bodies are moved apart:
 joints are known better than objects."""
@@ -140,7 +141,7 @@ class Policy:
         self._rest = rest_of(self.plan, self._nominal, self._work)
         self._now, self._begun, self._last = self._whole, math.nan, math.nan
         self._is_own, self._is_lost, self._again = True, False, math.inf
-        self._gone = 0
+        self._gone = self._losses = 0
         self._levels = np.array(self._rest.before)
         self._errors: deque[Reals] = deque(maxlen=self._average)
         self.status, self.reason = FOLLOWING, ""
@@ -256,7 +257,7 @@ class Policy:
         if found is None:
             self._lose(now, f"{why}; {fault}")
             return
-        self._now, self._begun, self._is_lost = found, now, False
+        self._now, self._begun, self._is_lost, self._losses = found, now, False, 0
         self._errors.clear()
         if keeps:
             self.status, self.reason = FOLLOWING, f"{why}; the rest of the plan still leads to the goal"
@@ -287,7 +288,8 @@ class Policy:
         part = self._now
         if now - self._begun >= part.duration - 1e-9 or not math.isfinite(part.duration):
             self._now, self._begun, self._gone = still(self._task, self._levels, part.path[-1]), now, 0
-            self._again = now + WAITED * self._whole.duration
+            self._again = now + WAITED * 2.0**self._losses * self._whole.duration
+            self._losses += 1
 
     def _measured(self, q: Reals, v: Reals, expected: Reals) -> Places:
         """The allowed place nearest to a measured one, as the planner goes on from it. Raises StateError."""
