@@ -319,3 +319,16 @@ def test_a_turn_about_an_axis_is_that_of_the_quaternion_and_its_negative(angle: 
         q[names.index(f"ball.q{axis}")] = sign * math.sin(angle / 2)
         found = rw.ask(scene, f"angle_about(ball, {axis}) >= 0", replace(state, q=q))
         assert found.values[0, 0] == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize("far", [1.0, 10.0, 1e3, 1e6])
+def test_what_lies_far_away_has_a_gap_and_a_normal(far: float) -> None:
+    """Also beyond where distances are measured; a ball that has rolled off a table goes on falling."""
+    task = task_of(rw.load("ball_turn"))
+    around, q = world_of(task.scene).surroundings(task.parameters), rw.State.of(task.scene).q.copy()
+    assert around is not None
+    q[task.scene.template.coordinates.index("ball.z")] += far
+    for pair, names in enumerate(task.scene.template.contacts):
+        near = around.near(q, pair)
+        assert np.linalg.norm(near.normal) == pytest.approx(1.0)
+        assert near.gap > 0.5 or "ball" not in names

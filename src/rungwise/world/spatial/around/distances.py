@@ -42,6 +42,7 @@ class Distances:
         gap, ends, geoms = math.inf, np.zeros(6), (0, 0)
         if len(rows):
             gap = self._measure(self._model, data, *own[int(least.argmin())], self._far, None)
+            gap = max(gap, float(least.min()))  # of pairs farther than is measured one is kept
         gap, most = math.inf, gap + self._slack
         for k in np.flatnonzero(least <= most).tolist():
             found = np.zeros(6)

@@ -145,7 +145,7 @@ class SpatialSurroundings:
         if length < 1e-9 * self._far:
             normal, length = d.geom_xpos[geoms[0]] - d.geom_xpos[geoms[1]], 1.0
             gap = max(gap, 0.0)
-        normal = normal * (1.0 if gap >= 0.0 else -1.0) / (float(np.linalg.norm(normal)) or 1.0)
+        normal = normal * (1.0 if gap >= 0.0 else -1.0) / float(np.linalg.norm(normal))
         both = [self._slope(d, end, int(m.geom_bodyid[g])) for end, g in zip(
             (ends[:3], ends[3:]), geoms, strict=True
         )]  # fmt: skip
