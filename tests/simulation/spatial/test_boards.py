@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.system.spatial.boxes import Box, is_covered
 
 from .conftest import Make
 
@@ -81,3 +82,14 @@ def test_a_body_of_boards_slides_over_an_edge_as_one_board(make: Make, model: st
         assert run.outcome == "goal", run.reason
         found.append([run.final["plank"]["x"], run.final["plank"]["z"]])
     assert found[0] == pytest.approx(found[1], abs=2e-4)
+
+
+@pytest.mark.parametrize(("normal", "covered"), [((0.0, -1.0, 0.0), True), ((0.0, 0.0, 1.0), False)])
+def test_only_the_face_between_two_boards_is_covered(
+    normal: tuple[float, float, float], covered: bool
+) -> None:
+    """At a corner of both, where they end along x: the side of one board, and its upper face."""
+    turn, half = np.eye(3).ravel(), np.array([0.1, 0.2, 0.05])
+    one, other = (Box(np.array([0.0, y, 0.0]), turn, half) for y in (0.2, -0.2))
+    corner = np.array([0.1, 0.0, 0.05])
+    assert is_covered(one, other, np.array(normal), 1.0, corner, 0.0) == covered
