@@ -174,6 +174,7 @@ def test_piles_are_timed(monkeypatch: Patch, capsys: Printed) -> None:
         "door",
         "palm_lift",
         "ball_turn",
+        "peg_arm",
     ],
 )
 def test_the_benchmark_of_feedback_varies_starts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,6 +189,7 @@ def test_the_benchmark_of_feedback_varies_starts(name: str, monkeypatch: pytest.
         k for k, label in enumerate(start.names) if world_of(scene).roles()[label.split(".")[0]] == "robot"
     ]
     assert name == "planar_hand" or abs(start.q - other.q)[robots].max() > 1e-3
+    assert ("hole_x" in scene.file.task.uncertain) == (name == "peg_arm")
 
 
 def test_places_of_the_pin_of_the_part_feeder(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:

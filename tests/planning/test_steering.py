@@ -50,6 +50,23 @@ def test_a_change_is_none_where_no_input_has_room() -> None:
     assert not nearest_change(np.ones((2, 1)), np.ones(1), np.array([1.0, 1.0]), 0.1).any()
 
 
+def test_a_tree_ends_where_nothing_is_proposed_for_some_rounds() -> None:
+    """Not yet after two of them, and long before ten."""
+    work = begin(task_of(unnamed_hand(0.35, 20)), Budget(10_000), 0, 1)
+    predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
+    asked = list[int]()
+
+    def draw(moves: Moves, tree: Tree, *_: Any) -> tuple[Any, Any]:
+        asked.append(len(tree.parent))
+        still = moves.held_for(work.task.before[None], np.zeros(1))
+        one = len(asked) == 3
+        return np.zeros(int(one), np.int64), still[: int(one)]
+
+    rng = np.random.default_rng(0)
+    grow(work.moves, predictor, work.start, work.task.before, work.whole, 8, 40, rng, None, draw)
+    assert asked[3] == 2 and len(asked) <= 3 + 10
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("turn", "seed"), [(0.35, 0), (0.35, 1), (0.35, 2), (-0.35, 0), (-0.35, 1), (0.5, 0)]

@@ -35,6 +35,8 @@ TINY = 1e-300
 """What is lacking at least where the goal was not reached."""
 ROOM = 0.5
 """How far random states lie beyond the tree, as a part of its greatest extent."""
+IDLE = 4
+"""Rounds in turn in which no move is proposed, after which a tree ends."""
 
 
 Note: TypeAlias = "Callable[[Reals, Reals, Reals], None]"
@@ -93,9 +95,12 @@ def grow(
     """A tree from one start, after inputs `before` (u,), with plans of at most `deepest` moves; and the plan
     (k, d) that came to its aim first, (0, d) if none did. `note` is told of all moves that were made; `draw`
     says which moves are run, and from which nodes, where they are not drawn as the module says."""
-    tree = _root(moves, start, before, aim)
+    tree, idle = _root(moves, start, before, aim), 0
     for _ in range(rounds):
         parents, vectors = (draw or _draw)(moves, tree, deepest, rng)
+        idle = 0 if len(vectors) else idle + 1
+        if idle == IDLE:
+            break
         vectors = aim.turned(moves, vectors)
         first = len(tree.parent)
         # The root may have no memory: moves that place nothing by hand go on from the memories of the others.
