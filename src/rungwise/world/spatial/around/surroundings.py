@@ -23,6 +23,9 @@ either side, or between, along each axis."""
 ALONG, MOST = 1e-3, 4
 """How far normals may differ of contacts of one pair of bodies of which only those are kept between which the
 others lie, nearly; and how many these are."""
+TIED = 1e-3
+"""Part of the greatest distance by which others may be less and count as equal, as those of symmetric bodies
+are: of these the one of the least number is taken, the same wherever the bodies are."""
 
 WITHIN = 0.01
 """How deep within a body, in parts of the radius of its largest geom, rays begin that look for what is next
@@ -102,10 +105,10 @@ class SpatialSurroundings:
         rows[:, 3:] *= twists[:, None, None]
         normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
         points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
-        some, left, of = _spread(owners, points, normals)
-        picked = kept[some]
+        features = self._features(kept)
+        some, left, of = _spread(owners, points, normals, features)
         return Touches(
-            pairs=owners[some], features=self._features(picked), gaps=contact.dist[picked].copy(),
+            pairs=owners[some], features=features[some], gaps=contact.dist[kept[some]].copy(),
             points=points[some].copy(), normals=normals[some], rows=rows[some],
             friction=frictions[some], least=least,
             poses=np.hstack([d.xpos, d.xquat]), loads=self._loads(d),
@@ -264,10 +267,11 @@ def across(normal: Reals) -> tuple[Reals, Reals]:
     return np.array([a, b, c]), np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
-def _spread(pairs: Ints, points: Reals, normals: Reals) -> tuple[Ints, Ints, Ints]:
+def _spread(pairs: Ints, points: Reals, normals: Reals, features: Ints) -> tuple[Ints, Ints, Ints]:
     """Of contacts (k,), at most so many of one pair of bodies with the same normal: two far apart, and on
-    either side the one farthest from the line through both, so that what they support stands as on all;
-    those that are left out; and of the former, then of these, the first with the same normal."""
+    either side the one farthest from the line through both, so that what they support stands as on all, the
+    same at each place of the bodies; those that are left out; and of the former, then of these, the first
+    with the same normal."""
     kept, left, faces = list[int](), np.ones(len(pairs), bool), np.zeros(len(pairs), np.int64)
     while left.any():
         first = int(left.argmax())
@@ -276,21 +280,27 @@ def _spread(pairs: Ints, points: Reals, normals: Reals) -> tuple[Ints, Ints, Int
         left[alike], faces[alike] = False, first
         own = alike.tolist()
         if len(own) > MOST:
-            own = [own[k] for k in _widest(points[alike], normals[first])]
+            own = [own[k] for k in _widest(points[alike], normals[first], features[alike])]
         kept += own
     some = np.array(sorted(kept), np.int64)
     others = np.setdiff1d(np.arange(len(pairs)), some)
     return some, others, faces[np.concatenate([some, others])]
 
 
-def _widest(points: Reals, normal: Reals) -> list[int]:
+def _widest(points: Reals, normal: Reals, features: Ints) -> list[int]:
     """See `_spread`, of points (k, 3) in a plane."""
-    first = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())
+    first = _greatest(np.linalg.norm(points - points.mean(axis=0), axis=1), features)
     ways = points - points[first]
-    second = int(np.linalg.norm(ways, axis=1).argmax())
+    second = _greatest(np.linalg.norm(ways, axis=1), features)
     (a, b, c), (x, y, z) = normal.tolist(), ways[second].tolist()
     aside = ways @ np.array([b * z - c * y, c * x - a * z, a * y - b * x])
-    return sorted({first, second, int(aside.argmax()), int(aside.argmin())})
+    return sorted({first, second, _greatest(aside, features), _greatest(-aside, features)})
+
+
+def _greatest(values: Reals, features: Ints) -> int:
+    """The greatest value (k,); of those that are nearly as great, the one of the least number."""
+    tied = np.flatnonzero(values >= values.max() - TIED * np.abs(values).max())
+    return int(tied[features[tied].argmin()])
 
 
 def _some(frictions: Reals) -> Reals:
