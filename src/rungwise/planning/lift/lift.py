@@ -289,7 +289,8 @@ def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Pl
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     moves = 0 if lifted is None else len(lifted.vectors)
     found = with_record(before, Record(str(stage), how, steps, seconds, moves))
-    if before.found and (how != HELD or lifted is None or drifts(work, before, lifted.course)):
+    told = before.found and (anew or lifted is not None)
+    if told and (how != HELD or lifted is None or drifts(work, before, lifted.course)):
         found = replace(found, told=(*found.told, *diagnoses(work, before, stage, lifted is not None)))
     if lifted is None:
         return replace(found, reason=f"{stage}: {how}. {known(work)}")

@@ -101,8 +101,8 @@ def _held(work: Work, predictor: Predictor, before: Before) -> Found | None:
 
 def _more_slowly(work: Work, predictor: Predictor, before: Before) -> Found | None:
     """The schedule as it is, but more slowly, which changes little where inertia counts for nothing; where
-    servos lead all fingers."""
-    planner = mode_planner(work, predictor)
+    servos lead all fingers, and it comes from another rung: errors of steps are not less then."""
+    planner = None if before.model == predictor.stage.model else mode_planner(work, predictor)
     if planner is None or any(not finger.carrier.by_place for finger in planner.scene.fingers):
         return None
     for factor in SLOWER:
@@ -115,12 +115,12 @@ def _more_slowly(work: Work, predictor: Predictor, before: Before) -> Found | No
 
 def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | None:
     """The legs of a plan by contact modes, each made again from where the object is; harder and more slowly
-    where they fail."""
+    where they fail, and joined by others where they cannot be made."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return None
     try:
-        return planner.led_again(before.vectors)
+        return planner.led_again(before.vectors) or planner.led_on(before.vectors)
     except TimeOver:
         return None  # what is left of the time may still do for another repair
 

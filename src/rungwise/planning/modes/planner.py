@@ -34,6 +34,8 @@ ROUNDS, ALONG = (40, 80, 160), 4
 """Rounds of trees, in turn; and at least, for each place of a course that is left."""
 AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
 """How legs are made again: with which part of the load fingers press at least, and how much slower."""
+ENDS = 8
+"""How often more legs lead on to the goal where the last leg of a plan that is made again does not come there."""
 ATTEMPTS, EVENLY, BY_MODES, AT_FIRST = 12, 0.4, 0.8, 0.05
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
 objects; a turn by modes where they do not, or where something is in the straight way; and there the first
@@ -177,14 +179,28 @@ class ModePlanner:
                 return found
         return None
 
+    def led_on(self, vectors: Reals) -> Found | None:
+        """The legs of a plan (k, d), each made again from where the object is, or others to where it was to
+        end, and at last to the goal; else a plan that goes on from the ends of these. Raises TimeOver."""
+        left, node, ends = vectors, self.nodes[0], ENDS
+        while self.work.budget.left and (len(left) or ends):
+            left, ends = (left, ends) if len(left) else (vectors[-1:], ends - 1)
+            after = self._in_turn().next(node, left, AGAIN, 0, self._aim)
+            if after is None:
+                break
+            node, left = after
+            if node.outcome == Code.GOAL:
+                return node.found
+        return self.search(ATTEMPTS)
+
     def next_leg(self, vectors: Reals, failed: int = 0) -> tuple[Node, Reals] | None:
         """The end of the next leg of a plan (k, d), of which the first failed so often before, from where the
         object is, and the legs that are left after it: see `InTurn.next`. Raises TimeOver."""
+        return self._in_turn().next(self.nodes[0], vectors, AGAIN, failed, self._aim)
 
-        def aim(ground: Ground, q: Reals) -> Aim:
-            return self._goals(ground, q), self._reached(ground)
-
-        return self._in_turn().next(self.nodes[0], vectors, AGAIN, failed, aim)
+    def _aim(self, ground: Ground, q: Reals) -> Aim:
+        """Places at the goal, those next to q (n,) first, and whether a place is there."""
+        return self._goals(ground, q), self._reached(ground)
 
     def _in_turn(self) -> InTurn:
         return InTurn(self.work, self.scene, self._ran, self._look, self.predictor.stage.model.name)
