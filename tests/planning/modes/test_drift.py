@@ -363,3 +363,43 @@ def test_after_the_last_leg_small_ones_lead_to_the_goal_or_half_the_way(
     line = Line({}, lost=(3,))
     asked = small(line, monkeypatch, end)
     assert line.next(2.0, (3.0,)) == ((end, []) if goes else None) and asked == [3.0]
+
+
+class Resumed(ModePlanner):
+    """A planner whose legs, made again, lead where they say."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *ends: tuple[bool, int]) -> None:
+        """The ends of legs in turn: whether the goal is there, and how many legs are left; then none."""
+        self.work: Any = SimpleNamespace(budget=SimpleNamespace(left=True))
+        self.nodes, self.asked, left = [], list[list[float]](), list(ends)
+        self.nodes.append(self._node(False))
+
+        def next_(_node: Any, vectors: Reals, *_: Any) -> Any:
+            self.asked.append(vectors[:, 0].tolist())
+            if not left:
+                return None
+            there, count = left.pop(0)
+            return self._node(there), vectors[len(vectors) - count :]
+
+        monkeypatch.setattr(ModePlanner, "_in_turn", lambda _: SimpleNamespace(next=next_))
+        monkeypatch.setattr(ModePlanner, "search", lambda *_: "searched")
+
+    def _node(self, there: bool) -> Any:
+        return SimpleNamespace(outcome=Code.GOAL if there else Code.MISSED, found="found")
+
+
+LEGS = np.array([[1.0], [2.0], [3.0]])
+
+
+def test_a_plan_is_led_on_leg_by_leg_and_at_last_to_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = Resumed(monkeypatch, (False, 2), (False, 1), (False, 0), (False, 0), (True, 0))
+    assert planner.led_on(LEGS) == "found"
+    assert planner.asked == [[1.0, 2.0, 3.0], [2.0, 3.0], [3.0], [3.0], [3.0]]
+
+
+def test_a_plan_that_cannot_be_led_on_is_searched_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a leg cannot be made, and where the last one leads to the goal again and again in vain."""
+    planner = Resumed(monkeypatch, (False, 2))
+    assert planner.led_on(LEGS) == "searched" and len(planner.asked) == 2
+    planner = Resumed(monkeypatch, *[(False, 0)] * 99)
+    assert planner.led_on(LEGS) == "searched" and len(planner.asked) < 20

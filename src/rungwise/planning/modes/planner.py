@@ -35,7 +35,7 @@ ROUNDS, ALONG = (40, 80, 160), 4
 AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
 """How legs are made again: with which part of the load fingers press at least, and how much slower."""
 ENDS = 8
-"""How often more legs lead on to the goal where the last leg of a plan that is made again does not come there."""
+"""How often another leg leads on to the goal where the last one of a plan that is made again does not."""
 ATTEMPTS, EVENLY, BY_MODES, AT_FIRST = 12, 0.4, 0.8, 0.05
 """Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
 objects; a turn by modes where they do not, or where something is in the straight way; and there the first
