@@ -21,7 +21,7 @@ def test_kept_contacts_span_most_of_what_all_span(seed: int) -> None:
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     flat = rng.normal(size=(count, 2)) * [1.0, rng.uniform(0.05, 1.0)]
     points, normals = np.pad(flat, ((0, 0), (0, 1))) @ turn.T, np.tile(turn[:, 2], (count, 1))
-    kept, _, _ = _spread(np.zeros(count, np.int64), points, normals)
+    kept, _, _ = _spread(np.zeros(count, np.int64), points, normals, np.arange(count))
     assert 3 <= len(kept) <= 4
     assert ConvexHull(flat[kept]).volume > 0.5 * ConvexHull(flat).volume
 
