@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -157,3 +158,33 @@ def test_wrong_parts_and_servos_are_refused_in_one_line(tmp_path: Path, model: A
 def test_a_pattern_that_fits_no_input_is_refused(tmp_path: Path) -> None:
     with pytest.raises(rw.SceneError, match=r"task\.inputs: unknown input 'leg_\*'"):
         _loaded(_folder(tmp_path), task={"inputs": {"leg_*": {"rate": 1}}}, goal="ball.z <= 0.5")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ('<option iterations="7" integrator="RK4" cone="elliptic"/>', ""),
+        ('<size nuser_jnt="2" nconmax="9" nuserdata="4"/><visual><map znear="0.5"/></visual>', ""),
+        ('<option timestep="0.5" gravity="0 0 1"/>', "its gravity and timestep gave way to the model's own"),
+        ('<option><flag gravity="disable"/></option>', "its disableflags gave way to the model's own"),
+    ],
+)
+def test_settings_of_a_part_give_way_to_the_models_own_without_a_warning(
+    settings: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo would write its log
+    (tmp_path / "room.xml").write_text(ROOM)
+    body = '<body><joint name="j" user="1 2"/><geom size="0.1"/></body>'
+    (tmp_path / "part.xml").write_text(f"<mujoco>{settings}<worldbody>{body}</worldbody></mujoco>")
+    parts = {"arm": {"file": "part.xml", "xyz": [0, 1, 0]}}
+    (tmp_path / "scene.yaml").write_text(
+        yaml.safe_dump({"name": "s", "model": {"file": "room.xml", "parts": parts}})
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = rw.simulate(tmp_path / "scene.yaml", "dynamic-rigid", duration=0.01)
+    assert capfd.readouterr() == ("", "") and not (tmp_path / "MUJOCO_LOG.TXT").exists()
+    assert run.final["ball"]["z"] < 1.0 and run.scene.bind().model.opt.timestep == 0.002
+    assert [note for note in run.notes if "gave way" in note] == (
+        [f"model.parts.arm: {told}"] if told else []
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -465,7 +466,8 @@ def test_trees_of_cycles_may_grow_deeper_than_a_plan(most: int, monkeypatch: pyt
     monkeypatch.setattr(gaits, "goals_of", lambda _: np.zeros((1, 1)))
     task = stub(before=NONE, moves=(1, most))
     work: Any = stub(
-        kept={}, task=task, seed=0, moves=None, start=None, whole=None, came_near=lambda *_: None
+        kept={}, task=task, seed=0, moves=None, start=None, whole=None, came_near=lambda *_: None,
+        failures=Counter(),
     )  # fmt: skip
     assert gaits.by_hand(work, stub(), stub(fingers=[])) is None
     assert given[0] == most and given[1] >= 2 * most

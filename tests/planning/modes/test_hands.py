@@ -14,13 +14,13 @@ from rungwise.planning.execution.feedback import Moves
 from rungwise.planning.modes.hands import described
 from rungwise.planning.modes.hands.beside import beside
 from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
-from rungwise.planning.modes.hands.gaits import by_hand, hand_in
+from rungwise.planning.modes.hands.gaits import by_hand, cycled, hand_in
 from rungwise.planning.modes.hands.hand import Hand, hand_of
 from rungwise.planning.modes.hands.press import held, rests, targets
 from rungwise.planning.modes.hands.touch import CLOSED, closed, followed, opened
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.goals import goals_of
-from rungwise.planning.search.problem import begin
+from rungwise.planning.search.problem import begin, known
 from rungwise.planning.task.fingers import taken
 from rungwise.planning.task.task import Task, task_of
 from rungwise.world.find import world_of
@@ -238,3 +238,16 @@ def test_three_fingers_lift_a_ball_and_turn_it(seed: int) -> None:
 def test_four_fingers_turn_what_lies_in_the_palm(cube: bool, turn: float, seed: int, tmp_path: Path) -> None:
     scene = _cube(tmp_path) if cube else rw.load("hand_turn")
     _plan(scene, "dynamic-compliant", seed, 10_000, turn=turn)
+
+
+def test_where_fingers_cannot_come_to_the_object_the_reason_says_so_and_trees_end_at_once() -> None:
+    far = unnamed_hand(0.5, 40).file.model_dump(mode="json", exclude_unset=True)
+    far["bodies"]["disc"]["pose"]["y"] = 3.0
+    task = task_of(rw.load(far))
+    work = begin(task, Budget(100_000, None), 0, 1)
+    predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
+    hand, _ = _hand(task)
+    tree, way = cycled(work, predictor, hand, task.before, 0)
+    assert tree is not None and len(tree.parent) == 1 and not len(way) and not work.budget.spent.total()
+    assert "fewer than two fingers can touch the object and follow it" in known(work)
+    assert work.failures.total() <= 6

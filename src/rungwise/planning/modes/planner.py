@@ -123,7 +123,8 @@ def anew_on(work: Work, predictor: Predictor) -> Found | None:
 
 def _in_turns(work: Work, predictor: Predictor, own: Callable[[], Found | None]) -> Found | None:
     """A new plan by a search of its own, and by searches of all inputs, in turns."""
-    while work.budget.left:
+    idle = 0
+    while work.budget.left and idle < IDLE:
         runs = work.budget.outcomes.total()
         for share in (BY_MODES, 1.0 - BY_MODES):
             try:
@@ -134,8 +135,7 @@ def _in_turns(work: Work, predictor: Predictor, own: Callable[[], Found | None])
             if found is not None:
                 return found
             work.budget.look()
-        if work.budget.outcomes.total() == runs:
-            break
+        idle = idle + 1 if work.budget.outcomes.total() == runs else 0
     return None
 
 

@@ -58,7 +58,8 @@ class Work:
     plans that came to the goal where robots were placed by hand, and not when they were laid out; trees:
     how many were grown on each stage; seen: what pushes did on each; path (p, n): places on the way of
     the object, if some are given; grown: trees of contact modes, and the legs in them; failures: why
-    proposals by contact modes came to nothing; kept: what searches keep for when they go on."""
+    proposals by contact modes, or of a hand, came to nothing; kept: what searches keep for when they
+    go on."""
 
     task: Task
     moves: Moves
@@ -213,7 +214,7 @@ def known(work: Work) -> str:
         f"; {work.unlaid} reached the goal, but not with paths between their moves" if work.unlaid else ""
     )
     most = ", ".join(f"{why} {count}" for why, count in work.failures.most_common(4))
-    failed = f"; with contact modes most legs failed for these reasons: {most}" if most else ""
+    failed = f"; most proposals failed for these reasons: {most}" if most else ""
     trees = f"; contact modes: {work.grown[TREES]} trees of {work.grown[LEGS]} legs" if work.grown else ""
     tried = f"moves tried: {outcomes.total()} ({parts or 'none'}){trees}"
     why = ", ".join(f"{why}: {count}" for why, count in work.derived.refused.most_common(2))

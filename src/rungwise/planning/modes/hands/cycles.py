@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,10 @@ YIELDS = (0.02, 0.2)
 """By how much servos yield that press, in radians or parts of the size, at least and at most."""
 PARTS = 3
 """Moves in which an object is turned at most."""
+TOO_FEW = "fewer than two fingers can touch the object and follow it"
+WOULD_FALL = "the object would not rest while fingers let go of it"
+CROSSED = "fingers would be in the way of each other"
+NO_WAY_THERE = "fingers find no way to where they are to touch the object"
 
 
 class Stance(NamedTuple):
@@ -63,12 +68,14 @@ def wish(hand: Hand, q: Reals, goal: Reals) -> Wish:
 
 
 class Cycles:
-    """What a hand may do next, from where its fingers and the object are."""
+    """What a hand may do next, from where its fingers and the object are. refused: how often, and why,
+    nothing came of fingers that were to touch the object."""
 
     def __init__(self, hand: Hand, home: Reals) -> None:
         """`home` (n_q,): where fingers are at the start."""
         self.hand = hand
         self._home = [finger.chain.joints(home) for finger in hand.fingers]
+        self.refused = Counter[str]()
 
     def proposals(self, q: Reals, goal: Reals, count: int, rng: np.random.Generator) -> list[list[Reals]]:
         """Cycles from a place (n_q,) that lead the object towards a goal (n_q,): for each the targets of the
@@ -120,6 +127,7 @@ class Cycles:
         able = [f for f, pool in enumerate(pools) if pool]
         found = list[tuple[float, Stance]]()
         if len(able) < 2:
+            self.refused[TOO_FEW] += 1
             return []
         for _ in range(SETS):
             size = int(rng.integers(2, len(able) + 1))
@@ -166,6 +174,7 @@ class Cycles:
         leaves = len(stance.stays) < len(stance.touches)
         kept = [stance.touches[f].pair for f in stance.stays]
         if leaves and not rests(hand, q, kept, 1.0):
+            self.refused[WOULD_FALL] += 1
             return None
         begun = self._placed(q, stance, wanted, 0)
         end = self._placed(q, stance, wanted, stance.steps)
@@ -175,11 +184,13 @@ class Cycles:
             for f, joints in free.items():
                 own = fingers[f].posed(own, joints)
             if not self._are_apart(own):
+                self.refused[CROSSED] += 1
                 return None
         moves = list[dict[int, Reals]]()
         if leaves:
             way = self._way(q, begun, stance, free)
             if way is None:
+                self.refused[NO_WAY_THERE] += 1
                 return None
             moves += way
         press = min(

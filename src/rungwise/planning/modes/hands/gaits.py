@@ -3,6 +3,7 @@ move by move; what lacks least is gone on from."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,7 @@ def cycled(
             gaits,
         )  # fmt: skip
     finally:
+        work.failures.update(gaits.refused)
         if gaits.tree is not None:
             best = int(gaits.tree.lack.argmin())
             work.came_near(float(gaits.tree.lack[best]), gaits.tree.q[best])
@@ -94,6 +96,11 @@ class Gaits:
         self._running = list[Running]()
         self._seen = 0
         self._tries = dict[int, int]()
+
+    @property
+    def refused(self) -> Counter[str]:
+        """How often, and why, nothing came of fingers that were to touch the object."""
+        return Counter() if self._cycles is None else self._cycles.refused
 
     def __call__(
         self, moves: Moves, tree: Tree, deepest: int, rng: np.random.Generator

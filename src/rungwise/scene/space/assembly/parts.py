@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,13 @@ from rungwise.wording import choices
 if TYPE_CHECKING:
     import mujoco
 
+SIZES = (
+    "memory", "nconmax", "njmax", "nuserdata", "nuser_actuator", "nuser_body", "nuser_cam", "nuser_geom",
+    "nuser_jnt", "nuser_sensor", "nuser_site", "nuser_tendon",
+)  # fmt: skip
+"""Sizes of a model as a whole."""
+TOLD = ("gravity", "timestep", "disableflags", "enableflags")
+"""Options of a part that are told of where they give way."""
 BALANCED = "inertias that no body can have were balanced: equal about all axes"
 """What is told of a URDF file whose inertias MuJoCo corrects."""
 
@@ -38,14 +45,13 @@ def assembled(model: Model, folder: Path, numbers: Numbers | None = None) -> Ass
     path, notes = model_path(model.file, folder), list[str]()
     spec = read_spec(path)
     for name, part in model.parts.items():
-        if _attach(spec, name, part, folder, numbers):
-            notes.append(f"model.parts.{name}: {BALANCED}")
+        notes += (f"model.parts.{name}: {note}" for note in _attach(spec, name, part, folder, numbers))
     add_servos(spec, model.servos, numbers)
     return Assembled(spec, path, tuple(notes))
 
 
-def _attach(spec: mujoco.MjSpec, name: str, part: Part, folder: Path, numbers: Numbers | None) -> bool:
-    """Put a part into a specification, and say whether its inertias were balanced."""
+def _attach(spec: mujoco.MjSpec, name: str, part: Part, folder: Path, numbers: Numbers | None) -> list[str]:
+    """Put a part into a specification. Returns remarks on it."""
     field = f"model.parts.{name}"
     own = model_path(part.file, folder, f"{field}.file")
     child = read_spec(own)
@@ -62,11 +68,38 @@ def _attach(spec: mujoco.MjSpec, name: str, part: Part, folder: Path, numbers: N
     if numbers is not None:
         frame.pos = [numbers.one(each, f"{field}.xyz.{k}") for k, each in enumerate(part.xyz)]
         frame.quat = _quaternion(*(numbers.one(each, f"{field}.rpy.{k}") for k, each in enumerate(part.rpy)))
+    notes = _with_settings_of(child, spec)
     try:
         spec.attach(child, prefix=f"{name}_", frame=frame)
     except (ValueError, RuntimeError) as error:
         raise SceneError(f"{field}: {' '.join(str(error).split())[:300]}") from None
-    return bool(child.compiler.balanceinertia) and own.suffix.lower() == ".urdf"
+    if child.compiler.balanceinertia and own.suffix.lower() == ".urdf":
+        notes.append(BALANCED)
+    return notes
+
+
+def _with_settings_of(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> list[str]:
+    """Give a part the settings of the model as a whole. (MuJoCo keeps the model's where both differ, and
+    warns each time that the model is compiled.) Returns a remark where the part asked for other options."""
+    other = [each for each in TOLD if np.any(getattr(child.option, each) != getattr(spec.option, each))]
+    _copy_settings(child.option, spec.option)
+    _copy_settings(child.visual, spec.visual)
+    for size in SIZES:
+        setattr(child, size, getattr(spec, size))
+    named = " and ".join(other)
+    return [f"its {named} gave way to the model's own"] if other else []
+
+
+def _copy_settings(to: Any, of: Any) -> None:
+    """Copy numbers, and numbers of groups of them."""
+    for name in dir(of):
+        value = getattr(of, name)
+        if isinstance(value, int | float):
+            setattr(to, name, value)
+        elif isinstance(value, np.ndarray):
+            getattr(to, name)[:] = value
+        elif not name.startswith("_") and not callable(value):
+            _copy_settings(getattr(to, name), value)
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> Reals:
