@@ -14,13 +14,14 @@ from rungwise.planning.execution.feedback import Moves
 from rungwise.planning.modes.hands import described
 from rungwise.planning.modes.hands.beside import beside
 from rungwise.planning.modes.hands.cycles import Cycles, inputs, wish
-from rungwise.planning.modes.hands.gaits import by_hand, cycled, hand_in
+from rungwise.planning.modes.hands.gaits import ABREAST, by_hand, cycled, hand_in
 from rungwise.planning.modes.hands.hand import Hand, hand_of
 from rungwise.planning.modes.hands.press import held, rests, targets
 from rungwise.planning.modes.hands.touch import CLOSED, closed, followed, opened
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.goals import goals_of
 from rungwise.planning.search.problem import begin, known
+from rungwise.planning.search.tree import IDLE
 from rungwise.planning.task.fingers import taken
 from rungwise.planning.task.task import Task, task_of
 from rungwise.world.find import world_of
@@ -250,4 +251,4 @@ def test_where_fingers_cannot_come_to_the_object_the_reason_says_so_and_trees_en
     tree, way = cycled(work, predictor, hand, task.before, 0)
     assert tree is not None and len(tree.parent) == 1 and not len(way) and not work.budget.spent.total()
     assert "fewer than two fingers can touch the object and follow it" in known(work)
-    assert work.failures.total() <= 6
+    assert work.failures.total() <= IDLE * ABREAST
