@@ -223,6 +223,44 @@ def test_benchmark_of_published_tasks(tmp_path: Path, monkeypatch: Patch, capsys
     assert told == "  its authors: in 2 s"
 
 
+def test_objects_of_the_panda_begin_and_end_apart_from_posts(monkeypatch: Patch) -> None:
+    benchmark = script("benchmarks/panda_objects.py", monkeypatch)
+    mujoco = pytest.importorskip("mujoco")
+    default = {"goal_x": 0.5, "goal_y": 0.18, "turn": 60.0}
+    for case in benchmark.CASES.values():
+        model = mujoco.MjModel.from_xml_string(case.model)
+        data = mujoco.MjData(model)
+        x, y, turn = (default | case.goal).values()
+        half = math.radians(turn) / 2.0
+        for q in (data.qpos.copy(), [x, y, benchmark.HIGH, math.cos(half), 0.0, 0.0, math.sin(half)]):
+            data.qpos[:] = q
+            mujoco.mj_forward(model, data)
+            assert (data.contact.dist > -1e-9).all() and data.ncon >= 4  # it lies on the table alone
+            assert all(model.geom("table").id in pair for pair in data.contact.geom)
+
+
+def test_benchmark_of_objects_of_the_panda(monkeypatch: Patch, capsys: Printed) -> None:
+    """With a task of another robot in place of its own, which needs example-robot-data."""
+    benchmark = script("benchmarks/panda_objects.py", monkeypatch)
+    monkeypatch.setattr(benchmark, "scene_of", lambda *_: rw.load("two_finger"))
+    benchmark.main(["--tasks", "cross", "--seeds", "1"])
+    _, one, two, told = capsys.readouterr().out.splitlines()
+    assert one.split()[:4] == ["cross", "1", "of", "1"] and two.split()[0] == "cross_two_posts"
+    assert told == "planned: 2 of 2"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["ell", "cross", "box"])
+def test_a_panda_pushes_other_objects_than_it_was_built_for(name: str, monkeypatch: Patch) -> None:
+    benchmark = script("benchmarks/panda_objects.py", monkeypatch)
+    try:
+        assert benchmark.print_case(name, benchmark.CASES[name], [0], 300.0) == 1
+    except rw.SceneError as error:
+        if "example-robot-data" not in str(error):
+            raise
+        pytest.skip("the model of the arm needs example-robot-data: pip install example-robot-data")
+
+
 def test_longer_tasks_can_be_planned_by_contact_modes(monkeypatch: Patch) -> None:
     """Each begins with bodies apart, away from its goal, and may take more moves than its model."""
     longer = script("benchmarks/longer_tasks.py", monkeypatch).longer(Path("nowhere"))
