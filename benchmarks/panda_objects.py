@@ -2,8 +2,8 @@
 
     python benchmarks/panda_objects.py [--seeds 2] [--limit 300] [--tasks ell,cross]
 
-Each row is a task that is planned by `--schedule direct` from the seeds 0, 1, ...: how many of them end with a
-plan, which a replay at a tenth of its error has confirmed, and the median and the greatest of their seconds.
+Each row is a task that is planned by `--schedule direct` from the seeds 0, 1, ...: how many of them end with
+a plan, which a replay at a tenth of its error has confirmed, and the median and greatest of their seconds.
 These and the limit are those of the processor, all threads together. The model of the arm needs
 example-robot-data.
 """
@@ -98,9 +98,7 @@ def print_case(name: str, case: Case, seeds: Sequence[int], limit: float) -> int
             )
             seconds.append(time.process_time() - began)
             found += plan.found
-    print(
-        f"{name:20} {found:3} of {len(seeds):2} {np.median(seconds):9.1f} {max(seconds):8.1f}", flush=True
-    )
+    print(f"{name:20} {found:3} of {len(seeds):2} {np.median(seconds):9.1f} {max(seconds):8.1f}", flush=True)
     return found
 
 
