@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,19 @@ def test_a_fork_carries_a_box_by_as_many_contacts_as_it_may_have(contacts: int) 
         assert (pushes is not None) == (contacts > 1)
         if pushes is not None:
             assert pushes[ground.fingers[0].columns] == pytest.approx([0.0, MASS * GRAVITY], abs=1e-4)
+
+
+@pytest.mark.parametrize(("strongest", "carries"), [(1.05, True), (0.95, False)])
+def test_what_a_finger_presses_with_is_the_sum_of_its_contacts_however_they_share_it(
+    strongest: float, carries: bool
+) -> None:
+    """One prong of the fork carries seven tenths of the weight."""
+    ground, q = ground_of(hold([(0.0, -0.09, FORK)], 2, "box.y > 1", "posts"))
+    press = (0.0, strongest * MASS * GRAVITY)
+    ground = replace(ground, fingers=tuple(replace(finger, press=press) for finger in ground.fingers))
+    q[ground.columns[1]] += 0.03
+    q[list(ground.fingers[0].columns)] = 0.01, 0.02
+    assert (rests(ground, ground.look(q), np.ones(1, np.int64)) is not None) == carries
 
 
 def test_a_palm_that_lies_on_a_side_pushes_it_without_turning_it() -> None:

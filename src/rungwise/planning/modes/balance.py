@@ -308,15 +308,6 @@ def _gripped(ground: Ground, seen: Seen, held: Grip, memory: Memory) -> int:
     return grip(touches.rows, touches.friction, held.contacts, kept, ground.columns, ground.units, memory)
 
 
-def _strongest(ground: Ground, held: Grip) -> Reals:
-    """The greatest force (g,) at each contact: those of a finger share what it presses with."""
-    if not held.flat:
-        return ground.strongest[held.of]
-    return np.asarray(
-        (ground.strongest / np.maximum(np.bincount(held.of, minlength=len(held.led)), 1))[held.of]
-    )
-
-
 def _balanced(
     ground: Ground, seen: Seen, held: Grip, mode: Ints, change: Reals, least: float, memory: Memory
 ) -> Reals | None:  # fmt: skip
@@ -331,9 +322,10 @@ def _balanced(
     if not balances(end, count, weight, scale, own, memory):
         return None
     center(end, count, scale, own, memory)
-    touches, kept, most = seen.touches, ground.kept[held.of], _strongest(ground, held)
+    touches, kept = seen.touches, ground.kept[held.of]
     holds = presses(
-        touches.rows, touches.friction, held.contacts, kept, most, LONGEST * scale, memory
+        touches.rows, touches.friction, held.contacts, held.of, kept, ground.strongest, LONGEST * scale,
+        memory,
     )  # fmt: skip
     return memory.pushes.copy() if holds else None
 
@@ -351,10 +343,10 @@ def _on_support(
     """The motion of an object on a support: along A G x for forces x of at least 0 along edges G, where
     A = (S^T S)^-1 turns forces into motions by the limit surface with rows S."""
     rows, limit = support
-    touches, kept, most = seen.touches, ground.kept[held.of], _strongest(ground, held)
+    touches, kept = seen.touches, ground.kept[held.of]
     moves = pushed(
-        touches.rows, touches.friction, held.contacts, kept, ground.columns, ground.units, mode, want, rows,
-        limit, ground.fingers[0].reserve, most, memory,
+        touches.rows, touches.friction, held.contacts, held.of, kept, ground.columns, ground.units, mode,
+        want, rows, limit, ground.fingers[0].reserve, ground.strongest, memory,
     )  # fmt: skip
     if not moves:
         return None

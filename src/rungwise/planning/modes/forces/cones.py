@@ -142,17 +142,20 @@ def grip(
 
 @kernel
 def presses(
-    rows: Reals, friction: Reals, held: Ints, kept: Reals, strongest: Reals, most: float, memory: Memory
+    rows: Reals, friction: Reals, held: Ints, of: Ints, kept: Reals, strongest: Reals, most: float,
+    memory: Memory,
 ) -> bool:  # fmt: skip
-    """Write the `pushes` of fingers from the `share` of their edges; False where one is too weak (f,), or
-    would push with more than `most`."""
-    count, sides = 0, memory.ring.shape[0]
+    """Write the `pushes` of fingers `of` (g,) at contacts (g,) from the `share` of their edges; False where a
+    finger is too weak (f,), or would push with more than `most` at a contact."""
+    count, sides, total = 0, memory.ring.shape[0], 0.0
     for c in range(memory.pushes.shape[0]):
         memory.pushes[c] = 0.0
     for f in range(held.shape[0]):
         if held[f] < 0:
             continue
-        if pressed(count, memory) > min(strongest[f], most):
+        normal = pressed(count, memory)
+        total = normal if f == 0 or of[f] != of[f - 1] else total + normal
+        if normal > most or total > strongest[of[f]]:
             return False
         mu = kept[f] * friction[held[f]]
         for side in range(sides):

@@ -294,12 +294,12 @@ def _keeps(mode: Ints, rows: int, scale: float, memory: Memory) -> bool:
 
 @kernel
 def pushed(
-    rows: Reals, friction: Reals, held: Ints, kept: Reals, columns: Ints, units: Reals, mode: Ints,
+    rows: Reals, friction: Reals, held: Ints, of: Ints, kept: Reals, columns: Ints, units: Reals, mode: Ints,
     want: Reals, surface: Reals, limit: float, reserve: float, strongest: Reals, memory: Memory,
 ) -> bool:  # fmt: skip
-    """Whether fingers that touch at contacts (f,), -1 for none, push an object on a support with rows
-    `surface` (r, k) in a mode of the contacts that are written; then `change` and `pushes` are known. Fingers
-    use a part of their friction (f,), and are so strong (f,)."""
+    """Whether fingers `of` (g,) that touch at contacts (g,), -1 for none, push an object on a support with
+    rows `surface` (r, k) in a mode of the contacts that are written; then `change` and `pushes` are known.
+    They use a part of their friction (g,), and are so strong (f,)."""
     count = grip(rows, friction, held, kept, columns, units, memory)
     turn(surface, memory)
     if count == 0 or not projected(mode, want, memory.hoped, memory):
@@ -307,4 +307,4 @@ def pushed(
     end = contact_edges(mode, memory.hoped, reserve, memory, memory.ring.shape[0] * count)
     if not drags(end, count, limit, mode, want, memory):
         return False
-    return presses(rows, friction, held, kept, strongest, LONGEST * limit, memory)
+    return presses(rows, friction, held, of, kept, strongest, LONGEST * limit, memory)
