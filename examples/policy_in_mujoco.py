@@ -16,13 +16,14 @@ from rungwise.kernel import Reals
 
 
 def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, duration: float) -> str:
-    """Inputs are ramped over a period to those that `levels` gives. Actuators have their names."""
-    scene = plan.scene
-    model = scene.bind(plan.parameters).model
+    """Inputs are ramped over a period to those that `levels` gives; the scene says which controls follow."""
+    scene, template = plan.scene, plan.scene.template
+    bound = scene.bind(plan.parameters)
+    model, values = bound.model, bound.values.copy()
     data, start = mujoco.MjData(model), rw.State.of(scene, parameters=plan.parameters)
     data.qpos[:] = start.q
-    order = [scene.template.inputs.index(model.actuator(k).name) for k in range(model.nu)]
-    before = np.array([plan.parameters[name] for name in scene.template.inputs])
+    inputs = [template.parameters.index(name) for name in template.inputs]
+    before = values[inputs]
     steps = max(1, round(period / model.opt.timestep))
     while data.time < duration:
         state = rw.State(start.names, data.qpos, data.qvel, data.time)
@@ -30,7 +31,10 @@ def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, durat
             return f"goal after {data.time:.2f} s"
         after = levels(state)
         for k in range(steps):
-            data.ctrl[:] = (before + (k + 1) / steps * (after - before))[order]
+            values[inputs] = before + (k + 1) / steps * (after - before)
+            values[-1] = data.time
+            bound.tell(values)
+            data.ctrl[:] = bound.control
             mujoco.mj_step(model, data)
         before = after
     return "missed"

@@ -9,9 +9,10 @@ import re
 import sys
 import time
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rungwise as rw
@@ -597,6 +598,21 @@ def test_controllers_keep_a_box_on_its_course_and_grasp_by_touch(monkeypatch: Pa
 def test_a_policy_leads_mujoco_to_the_goal(monkeypatch: Patch, capsys: Printed) -> None:
     script("examples/policy_in_mujoco.py", monkeypatch).main()
     assert "with policy: goal" in capsys.readouterr().out
+
+
+def test_in_mujoco_inputs_lead_the_controls_that_the_scene_names(monkeypatch: Patch) -> None:
+    """The actuators of the arm have other names than the inputs."""
+    example, scene = script("examples/policy_in_mujoco.py", monkeypatch), rw.load("arm_turn")
+    plan: Any = SimpleNamespace(scene=scene, parameters=scene.parameters())
+    shoulder, seen = scene.template.coordinates.index("upper.shoulder"), list[float]()
+
+    def levels(state: rw.State) -> Any:
+        seen.append(float(state.q[shoulder]))
+        wanted = plan.parameters | {"shoulder_to": plan.parameters["shoulder_to"] + 0.2}
+        return np.array([wanted[name] for name in scene.template.inputs])
+
+    assert example.run(plan, levels, 0.05, 0.5) == "missed"
+    assert 0.05 < abs(seen[-1] - seen[0]) < 0.3
 
 
 def test_fingers_in_space_hold_on_rungs_with_forces(monkeypatch: Patch, capsys: Printed) -> None:
