@@ -69,7 +69,7 @@ def varied(name: str) -> rw.Scene | rw.SpaceScene:
         lies_elsewhere(fields, *IN_PLANE[name], error)
     else:
         for each in (fields["model"], *fields["model"].get("parts", {}).values()):
-            if not each["file"].startswith("package://"):
+            if (file.parent / each["file"]).is_file():
                 each["file"] = str((file.parent / each["file"]).resolve())
         scene = rw.load(file)
         begins_elsewhere(scene, fields, error)

@@ -1,4 +1,5 @@
-"""The Allegro hand of example-robot-data turns a ball and a cube in its palm."""
+"""The Allegro hand of example-robot-data turns a ball and a cube in its palm, the Shadow hand of
+gymnasium-robotics a ball."""
 
 from __future__ import annotations
 
@@ -48,3 +49,19 @@ def test_the_hand_turns_what_lies_in_its_palm(name: str, turn: float, seed: int)
     assert hand is not None
     found = by_hand(work, predictor, hand)
     assert found is not None and found.course.reached, work.nearest
+
+
+def test_a_hand_whose_last_joints_only_tendons_hold_has_five_fingers() -> None:
+    scene = rw.load(DATA / "shadow_ball.yaml")
+    run = rw.simulate(scene, "dynamic-compliant", duration=0.02)
+    assert run.outcome == "timeout", run.reason
+    hand = turning(task_of(scene))
+    assert hand is not None and [int(finger.loose.sum()) for finger in hand.fingers] == [3, 3, 3, 4, 5]
+    assert [len(finger.touching) for finger in hand.fingers] == [2, 2, 2, 2, 1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
+def test_such_a_hand_turns_a_ball(seed: int) -> None:
+    found = rw.plan(DATA / "shadow_ball.yaml", seed=seed, limit=240)
+    assert found.found, found.reason
