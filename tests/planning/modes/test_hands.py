@@ -252,3 +252,18 @@ def test_where_fingers_cannot_come_to_the_object_the_reason_says_so_and_trees_en
     assert tree is not None and len(tree.parent) == 1 and not len(way) and not work.budget.spent.total()
     assert "fewer than two fingers can touch the object and follow it" in known(work)
     assert work.failures.total() <= IDLE * ABREAST
+
+
+def test_a_plan_is_led_on_from_as_far_as_it_comes() -> None:
+    task = task_of(unnamed_hand(0.8, 40))
+    work = begin(task, Budget(40_000, None), 0, 1)
+    predictor = work.predictor(Stage(rw.QUASISTATIC_COMPLIANT, 1e-2))
+    hand, _ = _hand(task)
+    _, way = cycled(work, predictor, hand, task.before, 0)
+    assert len(way) > 3
+    tree, same = cycled(work, predictor, hand, task.before, 1, rounds=0, planted=way)
+    assert tree is not None and np.array_equal(same, way) and len(tree.parent) == len(way) + 1
+    tree, none = cycled(work, predictor, hand, task.before, 1, rounds=0, planted=way[:-2])
+    assert tree is not None and not len(none) and np.array_equal(tree.vectors[1:], way[:-2])
+    _, on = cycled(work, predictor, hand, task.before, 1, planted=way[:-2])
+    assert len(on) and np.array_equal(on[: len(way) - 4], way[: len(way) - 4])

@@ -126,13 +126,14 @@ def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | Non
 
 
 def _regrasped(work: Work, predictor: Predictor, before: Before) -> Found | None:
-    """Another plan by cycles of a hand, each proposed from where the object really is on this stage."""
+    """The plan by cycles of a hand as far as it leads on this stage, and others, each proposed from where the
+    object really is."""
     hand = None if before.is_by_modes else hand_in(work)
     if hand is None:
         return None
     try:
         with work.budget.part(REGRASPED):
-            return by_hand(work, predictor, hand)
+            return by_hand(work, predictor, hand, before.vectors)
     except TimeOver:
         return None  # what is left of the time may still do for another repair
 

@@ -91,11 +91,20 @@ Draw: TypeAlias = "Callable[[Moves, Tree, int, np.random.Generator], tuple[Ints,
 def grow(
     moves: Moves, predictor: Predictor, start: Places, before: Reals, aim: Aim, deepest: int, rounds: int,
     rng: np.random.Generator, note: Note | None = None, draw: Draw | None = None,
+    planted: Reals | None = None,
 ) -> tuple[Tree, Reals]:  # fmt: skip
     """A tree from one start, after inputs `before` (u,), with plans of at most `deepest` moves; and the plan
     (k, d) that came to its aim first, (0, d) if none did. `note` is told of all moves that were made; `draw`
-    says which moves are run, and from which nodes, where they are not drawn as the module says."""
+    says which moves are run, and from which nodes, where they are not drawn as the module says; the tree
+    begins with the moves `planted` (k, d), one after the other, as far as they can be made."""
     tree, idle = _root(moves, start, before, aim), 0
+    for vector in () if planted is None else planted:
+        last = len(tree.parent) - 1
+        tree = _expanded(moves, predictor, tree, np.array([last]), vector[None], aim, note)
+        if len(tree.parent) == last + 1 or tree.lack[-1] == 0.0:
+            break
+    if tree.lack[-1] == 0.0:
+        return tree, tree.way(len(tree.parent) - 1)
     for _ in range(rounds):
         parents, vectors = (draw or _draw)(moves, tree, deepest, rng)
         idle = 0 if len(vectors) else idle + 1

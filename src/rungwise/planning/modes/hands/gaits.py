@@ -39,10 +39,11 @@ def hand_in(work: Work) -> Hand | None:
     return found
 
 
-def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
-    """A plan of cycles by one more tree. Raises TimeOver."""
+def by_hand(work: Work, predictor: Predictor, hand: Hand, planted: Reals | None = None) -> Found | None:
+    """A plan of cycles by one more tree, which begins with moves (k, d) if they are given. Raises
+    TimeOver."""
     number = work.kept[TREES_BY_HAND] = work.kept.get(TREES_BY_HAND, -1) + 1
-    _, way = cycled(work, predictor, hand, work.task.before, number)
+    _, way = cycled(work, predictor, hand, work.task.before, number, planted=planted)
     if not len(way):
         return None
     course = laid(work, predictor, way)
@@ -53,18 +54,19 @@ def by_hand(work: Work, predictor: Predictor, hand: Hand) -> Found | None:
 
 
 def cycled(
-    work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int, rounds: int = ROUNDS
+    work: Work, predictor: Predictor, hand: Hand, levels: Reals, number: int, rounds: int = ROUNDS,
+    planted: Reals | None = None,
 ) -> tuple[Tree | None, Reals]:  # fmt: skip
-    """The tree of cycles of this number from where the work starts, after inputs `levels` (u,); None where no
-    place at the goal is known. And its moves (k, d) to the goal, (0, d) if there are none. Raises
-    TimeOver."""
+    """The tree of cycles of this number from where the work starts, after inputs `levels` (u,), that begins
+    with the moves `planted` (k, d); None where no place at the goal is known. And its moves (k, d) to the
+    goal, (0, d) if there are none. Raises TimeOver."""
     if not len(goals_of(work)):
         return None, np.zeros((0, work.moves.size))
     gaits, rng = Gaits(work.task, hand, goals_of(work)), np.random.default_rng([work.seed, number])
     try:
         gaits.tree, way = grow(
             work.moves, predictor, work.start, levels, work.whole, work.task.moves[1], rounds, rng, None,
-            gaits,
+            gaits, planted,
         )  # fmt: skip
     finally:
         work.failures.update(gaits.refused)
