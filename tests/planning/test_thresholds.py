@@ -297,7 +297,7 @@ def test_a_robot_comes_away_though_few_ways_lead_away(heading: float) -> None:
 def test_hands_grasp_anew_in_most_of_the_time_and_leave_some_to_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    parts, before = list[float](), stub(is_by_modes=False)
+    parts, before = list[float](), stub(is_by_modes=False, vectors=np.zeros((2, 1)))
 
     @contextmanager
     def part(share: float) -> Any:

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import nnls
 
 from rungwise.kernel import Reals
-from rungwise.planning.modes.forces.cones import PART, SLIDE, STICK, memory_for, nonnegative
+from rungwise.planning.modes.forces.cones import PART, SLIDE, STICK, memory_for, nonnegative, presses
 from rungwise.planning.modes.forces.mode_motions import projected, turn
 from rungwise.world.planar.boundary import Boundary
 
@@ -85,3 +85,17 @@ def test_a_point_of_an_outline_is_found_at_its_part() -> None:
             found, inside = outline.part_of(point[0] + off * normal[0])
             assert min(abs(found - part), 1.0 - abs(found - part)) < 1e-9
             assert 0.0 <= inside <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("strongest", "may"), [((2.1, 1.1), True), ((1.9, 1.1), False), ((2.1, 0.9), False)]
+)
+def test_contacts_of_a_finger_share_its_force_where_others_of_its_contacts_are_open(
+    strongest: tuple[float, float], may: bool
+) -> None:
+    """Two contacts of the first finger and one of the second press with 1 each."""
+    sides, d = MEMORY.ring.shape
+    MEMORY.share[: 3 * sides] = 1.0 / sides
+    rows, ones = np.zeros((3, 1 + d, len(MEMORY.pushes))), np.ones(4)
+    held, of = np.array([0, 1, -1, 2]), np.array([0, 0, 1, 1])
+    assert presses(rows, ones[:3], held, of, ones, np.array(strongest), 9.0, MEMORY) == may

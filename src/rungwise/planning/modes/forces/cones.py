@@ -147,15 +147,15 @@ def presses(
 ) -> bool:  # fmt: skip
     """Write the `pushes` of fingers `of` (g,) at contacts (g,) from the `share` of their edges; False where a
     finger is too weak (f,), or would push with more than `most` at a contact."""
-    count, sides, total = 0, memory.ring.shape[0], 0.0
+    count, sides, total, finger = 0, memory.ring.shape[0], 0.0, -1
     for c in range(memory.pushes.shape[0]):
         memory.pushes[c] = 0.0
     for f in range(held.shape[0]):
         if held[f] < 0:
             continue
         normal = pressed(count, memory)
-        total = normal if f == 0 or of[f] != of[f - 1] else total + normal
-        if normal > most or total > strongest[of[f]]:
+        total, finger = normal if of[f] != finger else total + normal, of[f]
+        if normal > most or total > strongest[finger]:
             return False
         mu = kept[f] * friction[held[f]]
         for side in range(sides):
