@@ -87,9 +87,7 @@ def test_a_point_of_an_outline_is_found_at_its_part() -> None:
             assert 0.0 <= inside <= 1.0
 
 
-@pytest.mark.parametrize(
-    ("strongest", "may"), [((2.1, 1.1), True), ((1.9, 1.1), False), ((2.1, 0.9), False)]
-)
+@pytest.mark.parametrize(("strongest", "may"), [((2.1, 1.1), True), ((1.9, 1.1), False), ((2.1, 0.9), False)])
 def test_contacts_of_a_finger_share_its_force_where_others_of_its_contacts_are_open(
     strongest: tuple[float, float], may: bool
 ) -> None:
