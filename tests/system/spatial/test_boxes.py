@@ -16,16 +16,21 @@ PLATE = """<mujoco><worldbody><body pos="0 0 .04"><geom type="box" size=".05 .04
 <body><freejoint/><geom type="box" size=".03 .006 .025"/></body></worldbody></mujoco>"""
 
 
+def collided(model: mujoco.MjModel, data: mujoco.MjData) -> mujoco.MjData:
+    """With the contacts that MuJoCo finds."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    return data
+
+
 def placed(model: mujoco.MjModel, gap: float, turn: np.ndarray) -> mujoco.MjData:
     """Contacts of the box that stands beside the wall, turned by a vector (3,)."""
     data = mujoco.MjData(model)
     data.qpos[:3] = 0.2 + gap, 0.02, 0.1
     angle = float(np.linalg.norm(turn))
     mujoco.mju_axisAngle2Quat(data.qpos[3:], turn / max(angle, 1e-300), angle)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_collision(model, data)
-    return data
+    return collided(model, data)
 
 
 def test_boxes_face_to_face_have_four_contacts_however_little_they_are_turned() -> None:
@@ -59,9 +64,7 @@ def test_boxes_edge_to_edge_keep_their_one_contact() -> None:
     data.qpos[:3] = 0.24, 0.02, 0.3
     mujoco.mju_euler2Quat(turned, np.array([0.5, 0.7, 0.3]), "xyz")
     data.qpos[3:] = turned
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_collision(model, data)
+    collided(model, data)
     before = [(contact.dist, *contact.pos) for contact in data.contact]
     Boxes(model).mend(data)
     assert [(contact.dist, *contact.pos) for contact in data.contact] == before
@@ -75,10 +78,7 @@ def pressed(model: mujoco.MjModel, at: np.ndarray, depth: float, turn: np.ndarra
     mujoco.mju_axisAngle2Quat(data.qpos[3:], turn / angle, angle)
     mujoco.mju_quat2Mat(turned, data.qpos[3:])
     data.qpos[:3] = at[0], 0.04 + np.abs(turned[3:6]) @ half - depth, at[1]
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_collision(model, data)
-    return data
+    return collided(model, data)
 
 
 def test_a_plate_that_presses_at_a_small_angle_and_hangs_over_an_edge_touches_with_its_face() -> None:
