@@ -84,15 +84,11 @@ def test_a_tee_that_a_finger_pushes_goes_where_the_leg_says(tmp_path: Path, seed
     assert ground.away(after.places.q[0], leg.way.places[-1]) < DRIFT * work.task.size
 
 
-@pytest.mark.few(2)
-@pytest.mark.parametrize("seed", range(8))
-def test_a_push_and_the_friction_that_it_meets_balance(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+def test_pushes_and_the_friction_that_they_meet_balance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nearly: where friction is not sought anew they do not."""
-    rng = np.random.default_rng(seed)
-    ground, begun = ground_of(tee(tmp_path, rng))
-    q, left, stands = begun.q, list[float](), Lying.stands
+    """Most of them, to a hundredth of the weight; where friction is not sought anew few do."""
+    left, stands = list[float](), Lying.stands
 
     def looked(lies: Lying, forces: Reals, wrench: Reals, change: Reals, *others: Any, **more: Any) -> bool:
         found = stands(lies, forces, wrench, change, *others, **more)
@@ -104,13 +100,18 @@ def test_a_push_and_the_friction_that_it_meets_balance(
         left.extend([off / float(np.linalg.norm(lies.weight))] * found)
         return found
 
+    def unbalanced() -> list[float]:
+        left.clear()
+        for seed in range(8):
+            rng = np.random.default_rng(seed)
+            ground, begun = ground_of(tee(tmp_path, rng))
+            pushed(ground, begun.q, rng)
+        return list(left)
+
     monkeypatch.setattr(Lying, "stands", looked)
-    pushed(ground, q, rng)
-    once = list(left)
-    left.clear()
+    sought = unbalanced()
     monkeypatch.setattr(balance, "SETTLED", 10.0)
-    pushed(ground, q, np.random.default_rng(seed))
-    assert np.quantile(once, 0.9) < 0.02 < np.quantile(left, 0.9)
+    assert np.quantile(sought, 0.8) < 0.01 < np.quantile(unbalanced(), 0.2)
 
 
 @pytest.mark.few(3)
