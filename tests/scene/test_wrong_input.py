@@ -245,7 +245,7 @@ PLAIN = {
     values.Name: NAME,
     values.Flag: FLAG,
 }
-OPTIONAL = ("drive", "coordinate", "support", "task", "press")
+OPTIONAL = ("drive", "coordinate", "support", "task", "press", "units")
 CONDITIONS = ("goal", "unsafe", "doomed", "where")
 
 
