@@ -711,7 +711,7 @@ def test_negative_and_zero(path: Path, value: object) -> None:
 def test_expressions_that_are_not_finite(path: Path) -> None:
     assert refusal(put(path, "0/0")) == f"{label(path)}: must be a number, not nan"
     for value in ("1/0", "-1/0", "inf", "1e400", "10**400", "exp(9999)"):
-        may_be = path[-1] in ("lower", "upper", "limit") or (
+        may_be = path[-1] in ("lower", "upper", "limit", "yield_speed") or (
             path[0] == "joints" and "stiffness" in str(path[-1])
         )
         if not may_be:
