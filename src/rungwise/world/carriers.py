@@ -19,6 +19,9 @@ SLIGHT = 1e-3
 """Gap, in parts of that within which contacts are closed, from which on a contact counts as open."""
 DEPENDENT = 1e-3
 """Part of the greatest motion of contacts per change below which contacts cannot be moved by themselves."""
+UNMOVED = 1e-6
+"""Part of the greatest motion of a contact per change from which on another contact is moved at all: near a
+joint's axis contacts move little, but they move."""
 BESIDE = 2.0
 """Gaps over the deepest overlap of contacts that steps do not close any more."""
 ROUNDED = 1e-9
@@ -336,5 +339,9 @@ def _changed(around: Surroundings, q: Reals, rows: Reals, wanted: Reals, weights
     units = np.maximum(np.abs(rows).max(axis=0), 1.0)
     if weights is not None:
         units = units * weights
-    step = np.linalg.lstsq(rows / units, wanted, rcond=DEPENDENT)[0]
+    rows = rows / units
+    sizes = np.linalg.norm(rows, axis=1)
+    moved = sizes > UNMOVED * sizes.max()
+    each = sizes[moved]
+    step = np.linalg.lstsq(rows[moved] / each[:, None], wanted[moved] / each, rcond=DEPENDENT)[0]
     return around.changed(q, step / units)

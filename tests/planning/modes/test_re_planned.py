@@ -113,10 +113,10 @@ def test_bodies_that_overlap_are_moved_apart(deep: float) -> None:
 
 
 class Levers:
-    """Surroundings of two numbers that change two gaps of pairs in about the same way."""
+    """Surroundings of two numbers that change two gaps of pairs; shared: how the first changes both."""
 
-    def __init__(self, lean: float) -> None:
-        self._rows = np.array([[1.0, 0.0], [1.0, lean]])
+    def __init__(self, lean: float, shared: float = 1.0) -> None:
+        self._rows = np.array([[1.0, 0.0], [shared, lean]])
 
     def touches(self, q: Reals, _within: float) -> Any:
         gaps = self._rows @ q
@@ -135,6 +135,15 @@ def test_contacts_that_hardly_move_by_themselves_move_no_joint_far(lean: float, 
     found = apart(around, q, 1e-3, np.array([0, 0]))
     assert around.touches(found, 0.0).gaps.min() > -1e-6
     assert (abs(found[1] - q[1]) > 0.9 * abs(q[1])) == is_far
+
+
+@pytest.mark.parametrize(("lever", "opens"), [(3e-4, True), (1e-5, True), (1e-7, False)])
+def test_contacts_near_the_axis_of_a_joint_are_opened_by_it(lever: float, opens: bool) -> None:
+    """However much farther others move; but where all that moves a contact is rounding, nothing does."""
+    around: Any = Levers(lever, shared=0.0)
+    found = apart(around, np.array([1e-6, -1e-6 / lever * 0.01]))
+    assert (around.touches(found, 0.0).gaps.min() >= 0.0) == opens
+    assert abs(found[1]) < 1.0
 
 
 @pytest.mark.parametrize("named", [1, 2])
