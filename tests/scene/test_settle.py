@@ -47,6 +47,30 @@ def test_a_ball_rises_from_the_floor_by_its_overlap(tmp_path: Path) -> None:
     assert found["a.x"] == pytest.approx(0.3, abs=1e-9)
 
 
+@pytest.mark.few(6)
+@pytest.mark.parametrize("number", range(40))
+def test_curved_bodies_part_from_boxes_the_short_way(number: int, tmp_path: Path) -> None:
+    """Where a corner of a box is in the side of a cylinder, contacts of their faces lead another way."""
+    rng = np.random.default_rng([number, 12])
+    turn, other = (" ".join(f"{x:.6f}" for x in rng.normal(size=4)) for _ in range(2))
+    way = rng.normal(size=3)
+    far = 0.1 * float(rng.uniform(0.2, 0.5)) * way / np.linalg.norm(way) + [0, 0, 1]
+    box = f'<geom type="box" size="0.02 0.02 0.03" pos="0 0 1" quat="{turn}"/>'
+    place = " ".join(f"{x:.6f}" for x in far)
+    can = '<geom type="cylinder" size="0.035 0.035"/>'
+    can = f'<body name="can" pos="{place}" quat="{other}"><freejoint/>{can}</body>'
+    still = '<option gravity="0 0 0"/>'
+    scene, given = (scene_of(box + can, tmp_path, still, settle=settle) for settle in (True, False))
+    run = rw.simulate(scene, "dynamic-compliant", duration=0.002)
+    assert run.outcome == "timeout", run.reason
+    model, data = given.bind().model, mujoco.MjData(given.bind().model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    mujoco.mj_forward(model, data)
+    deep = -min([*data.contact.dist.tolist(), 0.0])
+    moved = np.linalg.norm(scene.start()[0][:3] - given.start()[0][:3])
+    assert moved <= 1.1 * deep + 1e-5
+
+
 def test_a_start_that_is_allowed_stays_to_the_bit(tmp_path: Path) -> None:
     inside = FLOOR + ball("a", 0.3, 0.1) + ball("b", 0.6, 0.1)
     here, given = (scene_of(inside, tmp_path, settle=settle) for settle in (True, False))

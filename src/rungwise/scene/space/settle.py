@@ -48,6 +48,11 @@ YIELD = 1e-3
 """Root of what a demand yields by under its multiplier, where bodies yield by about 1. Chosen by trial."""
 HALVINGS = 12
 """Shorter steps that are tried where a step leads to more that is amiss."""
+FIRM = 1e4
+"""What turns of free bodies weigh more where steps gain little: depths change steadily as bodies are moved, not
+as they are turned. Chosen by trial."""
+GAIN = 0.5
+"""Part of what is amiss, squared, down to which a step gains little. Chosen by trial."""
 KEPT = 16
 """Answers that are kept."""
 MOST = 0.5
@@ -120,7 +125,11 @@ class _Search:
         self.unit_data = mujoco.MjData(self.unit)
         mujoco.mj_setConst(self.unit, self.unit_data)
         self.lever = self._levers()
+        free = m.jnt_dofadr[m.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+        self.turns = (free[:, None] + np.arange(3, 6)).ravel()
         self.captured, self.rough = self._captured(), 0.0
+        faced = (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_MESH)
+        self.is_faced = bool(np.isin(m.geom_type, faced).any())
         self.best, self.amiss = start.copy(), 0.0
 
     def run(self) -> None:
@@ -138,8 +147,22 @@ class _Search:
         self._open(0.0, least=True)
 
     def _open(self, beyond: float, least: bool = False) -> None:
-        """Take steps until none makes what is amiss less; the `least` ones, or those nearest to the start."""
-        self._descend(beyond, least, lambda _, there, here: there.sum < here.sum)
+        """Take steps until none makes what is amiss less; the `least` ones, or those nearest to the start.
+        Where they gain little, bodies are moved more than turned."""
+
+        def is_better(_: Reals, there: _Demands, here: _Demands) -> bool:
+            return there.sum < here.sum
+
+        here = self._demands(self.best, beyond)
+        for _ in range(ROUNDS):
+            found = self._halved(self._step(here, least), beyond, here, is_better)
+            if found is None or found[1].sum > GAIN * here.sum:
+                other = self._halved(self._step(here, True, FIRM), beyond, here, is_better)
+                found = min((each for each in (found, other) if each), key=lambda x: x[1].sum, default=None)
+            if found is None:
+                break
+            self.best, here = found
+        self.amiss = here.amiss
 
     def _go_back(self) -> None:
         """Take steps towards the start for as long as they stay allowed."""
@@ -149,29 +172,36 @@ class _Search:
                 return False
             return self._distance(tried) < self._distance(self.best) * (1.0 - CLOSED)
 
-        self._descend(0.0, False, is_nearer)
-
-    def _descend(
-        self, beyond: float, least: bool, is_better: Callable[[Reals, _Demands, _Demands], bool]
-    ) -> None:
-        """Take steps, each halved until what is there is better than what is here, until none is."""
-        here = self._demands(self.best, beyond)
+        here = self._demands(self.best)
         for _ in range(ROUNDS):
-            step = self._step(here, least)
-            for _ in range(HALVINGS):
-                tried = self._after(step)
-                there = self._demands(tried, beyond)
-                if is_better(tried, there, here):
-                    break
-                step *= 0.5
-            else:
+            found = self._halved(self._step(here), 0.0, here, is_nearer)
+            if found is None:
                 break
-            self.best, here = tried, there
+            self.best, here = found
         self.amiss = here.amiss
 
-    def _step(self, here: _Demands, least: bool = False) -> Reals:
+    def _halved(
+        self,
+        step: Reals,
+        beyond: float,
+        here: _Demands,
+        is_better: Callable[[Reals, _Demands, _Demands], bool],
+    ) -> tuple[Reals, _Demands] | None:
+        """The places after a step, or after the first half of it, and so on, that is better, and what is
+        asked there."""
+        for _ in range(HALVINGS):
+            tried = self._after(step)
+            there = self._demands(tried, beyond)
+            if is_better(tried, there, here):
+                return tried, there
+            step = 0.5 * step
+        return None
+
+    def _step(self, here: _Demands, least: bool = False, firm: float = 1.0) -> Reals:
         gone = self._gone(self.best) if not least else np.zeros(self.model.nv)
-        step = _nearest(self._metric(self.best), here, gone)
+        metric = self._metric(self.best)
+        metric[self.turns, self.turns] *= firm
+        step = _nearest(metric, here, gone)
         pace = float(np.abs(step * self.lever).max(initial=0.0))
         return step * (min(1.0, FAR * self.size / pace) if pace > 0.0 else 0.0)
 
@@ -253,21 +283,7 @@ class _Search:
 
     def _demands(self, q: Reals, beyond: float = 0.0) -> _Demands:
         """What is asked of a step from q (n_q,)."""
-        mujoco, m, d, kinds = self.mujoco, self.model, self.data, self.mujoco.mjtConstraint
-        d.qpos[:] = q
-        mujoco.mj_fwdPosition(m, d)
-        every = np.array(d.efc_J).reshape(-1, m.nv)[: d.nefc]
-        kind, place = np.array(d.efc_type[: d.nefc]), np.array(d.efc_pos[: d.nefc])
-        equal = kind == kinds.mjCNSTR_EQUALITY
-        limit = (kind == kinds.mjCNSTR_LIMIT_JOINT) | (kind == kinds.mjCNSTR_LIMIT_TENDON)
-        meets = d.contact.efc_address >= 0
-        first = d.contact.efc_address[meets]
-        meshes = (m.geom_type[d.contact.geom[meets]] == mujoco.mjtGeom.mjGEOM_MESH).any(axis=1)
-        place[first] = d.contact.dist[meets] - self.rough * meshes
-        led = equal & self.captured[np.where(equal, d.efc_id[: d.nefc], 0)]
-        kept = np.concatenate([np.flatnonzero((equal & ~led) | limit), first]).astype(int)
-        rows, off, equal = every[kept], place[kept], equal[kept]
-        contact = np.isin(kept, first)
+        rows, off, equal, contact = self._constraints(q)
         reach = np.abs(rows * self.lever).max(axis=1, initial=0.0)
         unit = np.where(contact | (reach == 0.0), 1.0, self.size / np.where(reach > 0.0, reach, 1.0))
         rows, off = rows * unit[:, None], off * unit
@@ -275,6 +291,50 @@ class _Search:
         overlaps = contact & (off < -CLOSED * self.size)
         clear = np.where(overlaps, CLEAR * self.size + beyond * np.maximum(-off, 0.0), 0.0)
         return _Demands(rows, clear - off, equal, float(wrong.max(initial=0.0)), float(wrong @ wrong))
+
+    def _constraints(self, q: Reals) -> tuple[Reals, Reals, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Rows (k, n) at q (n_q,), what each is off (k,), and which are equalities and contacts (k,)."""
+        rows, off, equal, contact = self._found(q)
+        if not self.is_faced:
+            return rows, off, equal, contact
+        flags, geoms = self.model.opt.disableflags, self.data.contact.geom[self._met()].tolist()
+        least = dict[tuple[int, int], float]()
+        for pair, gap in zip(map(tuple, geoms), off[contact].tolist(), strict=True):
+            least[pair] = min(gap, least.get(pair, np.inf))
+        self.model.opt.disableflags = flags | self.mujoco.mjtDisableBit.mjDSBL_MULTICCD
+        near_rows, near, _, also = self._found(q)
+        self.model.opt.disableflags = flags
+        nearest = map(tuple, self.data.contact.geom[self._met()].tolist())
+        missed = [
+            k for k, pair in zip(np.flatnonzero(also), nearest, strict=True)
+            if near[k] < least.get(pair, np.inf) - ROUNDED * self.size
+        ]  # fmt: skip
+        more = np.ones(len(missed), bool)
+        return (
+            np.concatenate([rows, near_rows[missed]]), np.concatenate([off, near[missed]]),
+            np.concatenate([equal, ~more]), np.concatenate([contact, more]),
+        )  # fmt: skip
+
+    def _met(self) -> NDArray[np.intp]:
+        """The contacts in the data that have rows."""
+        return np.flatnonzero(self.data.contact.efc_address >= 0)
+
+    def _found(self, q: Reals) -> tuple[Reals, Reals, NDArray[np.bool_], NDArray[np.bool_]]:
+        """The constraints (see `_constraints`) that MuJoCo finds: contacts come last."""
+        mujoco, m, d, kinds = self.mujoco, self.model, self.data, self.mujoco.mjtConstraint
+        d.qpos[:] = q
+        mujoco.mj_fwdPosition(m, d)
+        every = np.array(d.efc_J).reshape(-1, m.nv)[: d.nefc]
+        kind, place = np.array(d.efc_type[: d.nefc]), np.array(d.efc_pos[: d.nefc])
+        equal = kind == kinds.mjCNSTR_EQUALITY
+        limit = (kind == kinds.mjCNSTR_LIMIT_JOINT) | (kind == kinds.mjCNSTR_LIMIT_TENDON)
+        met = self._met()
+        first = d.contact.efc_address[met]
+        meshes = (m.geom_type[d.contact.geom[met]] == mujoco.mjtGeom.mjGEOM_MESH).any(axis=1)
+        place[first] = d.contact.dist[met] - self.rough * meshes
+        led = equal & self.captured[np.where(equal, d.efc_id[: d.nefc], 0)]
+        kept = np.concatenate([np.flatnonzero((equal & ~led) | limit), first]).astype(int)
+        return every[kept], place[kept], equal[kept], np.isin(kept, first)
 
 
 class _Demands(NamedTuple):
