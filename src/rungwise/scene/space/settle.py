@@ -49,8 +49,8 @@ YIELD = 1e-3
 HALVINGS = 12
 """Shorter steps that are tried where a step leads to more that is amiss."""
 FIRM = 1e4
-"""What turns of free bodies weigh more where steps gain little: depths change steadily as bodies are moved, not
-as they are turned. Chosen by trial."""
+"""What turns of free bodies weigh more where steps gain little: depths change steadily as bodies move, not
+as they turn. Chosen by trial."""
 GAIN = 0.5
 """Part of what is amiss, squared, down to which a step gains little. Chosen by trial."""
 KEPT = 16
