@@ -296,23 +296,26 @@ def apart(
     within: float = 0.0,
     pairs: Ints | None = None,
     weights: Reals | None = None,
+    expected: Reals | None = None,
 ) -> Reals:
     """The place (n_q,) nearest to q (n_q,), nearly, at which no bodies overlap: Newton's method on the gaps,
     with steps of least norm in which a turn counts as the way of the contact that it moves most.
 
-    Of the given pairs the nearest contacts are closed besides, as many as a pair is named times, where they
-    are nearer than `within`. weights (n_v,): how dear a change of each velocity's coordinate is, 1 if none
-    are given. Joints are not looked at."""
+    Of the given pairs (p,) the nearest contacts are closed besides, as many as a pair is named times, where
+    they are nearer than `within`: to the gaps (p,) that are expected of them, the nearest to the least, or
+    to 0 if none are given. weights (n_v,): how dear a change of each velocity's coordinate is, 1 if none are
+    given. Joints are not looked at."""
     found = q.copy()
     closed = np.zeros(0, np.int64) if pairs is None else pairs
+    to = np.zeros(len(closed)) if expected is None else np.maximum(expected, 0.0)
     for _ in range(OPENED if len(closed) else 0):
         touches = around.touches(found, within)
-        gaps = touches.gaps
-        moved = (gaps < 0.0) | (_nearest_of(touches, closed) & (gaps > SLIGHT * within))
+        gaps, most = touches.gaps, _most(touches, closed, to)
+        moved = (gaps < 0.0) | (gaps > most + SLIGHT * within)
         if not moved.any():
             break
-        rows, wanted = touches.rows[moved, 0], -gaps[moved]
-        found = _changed(around, found, rows, wanted, weights)
+        wanted = np.where(gaps < 0.0, 0.0, most)[moved] - gaps[moved]
+        found = _changed(around, found, touches.rows[moved, 0], wanted, weights)
     for _ in range(OPENED):
         deepest = -float(around.touches(found, 0.0).gaps.min(initial=0.0))
         if deepest <= 0.0:
@@ -325,12 +328,14 @@ def apart(
     return found
 
 
-def _nearest_of(touches: Touches, pairs: Ints) -> NDArray[np.bool_]:
-    """Which contacts (c,) are the nearest of given pairs, as many of each as it is named times."""
-    found = np.zeros(len(touches.gaps), bool)
-    for pair, most in zip(*np.unique(pairs, return_counts=True), strict=True):
-        own = np.flatnonzero(touches.pairs == pair)
-        found[own[np.argsort(touches.gaps[own], kind="stable")[:most]]] = True
+def _most(touches: Touches, closed: Ints, to: Reals) -> Reals:
+    """The greatest gaps that contacts (c,) may have: of the nearest of given pairs (p,), as many of each as
+    it is named times, these (p,) in their order; infinite of others."""
+    found = np.full(len(touches.gaps), np.inf)
+    for pair in np.unique(closed):
+        own, gaps = np.flatnonzero(touches.pairs == pair), np.sort(to[closed == pair])
+        nearest = own[np.argsort(touches.gaps[own], kind="stable")[: len(gaps)]]
+        found[nearest] = gaps[: len(nearest)]
     return found
 
 

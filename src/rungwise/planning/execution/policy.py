@@ -298,11 +298,10 @@ class Policy:
         if self._around is None:
             return self._nominal.measured(q, v, self._levels)
         touching = self._around.touches(expected, CLOSED * self._task.size)
-        closed: Ints = touching.pairs[touching.gaps <= CLOSED * self._task.size]
-        if not self._rest.closes:
-            closed = closed[:0]
+        near = (touching.gaps <= CLOSED * self._task.size) & self._rest.closes
+        closed, gaps = touching.pairs[near], touching.gaps[near]
         for _ in range(IN_TURN):
-            opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm)
+            opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm, gaps)
             (q,), (v,) = self._place.closed(opened[None], v[None], self._free)
             q = np.clip(q, *self._travel)
             if (q == opened).all() or not (self._around.touches(q, 0.0).gaps < 0.0).any():
