@@ -153,12 +153,11 @@ class MovingRuns:
 
     def measured(self, q: Reals, v: Reals, levels: Reals) -> Places:
         """See `Runs.measured`."""
-        given = self.parameters | dict(zip(self.scene.template.inputs, levels.tolist(), strict=True))
-        sample = Sample(given, State(self.scene.template.coordinates, q, v), FOLLOWED)
+        sample = Sample(self.parameters, State(self.scene.template.coordinates, q, v), FOLLOWED)
         begun = self._ran(begin_samples(self._terms, [sample]), begins=False)
         if begun.faults or begun.outcome[0] == Code.INVALID:
             raise StateError(begun.faults.get(0, "state: no run begins there"))
-        return begun.places
+        return self.taken_over(begun.places, self.scene, levels)
 
     def numbers(self, places: Places) -> Reals:
         return np.array([memory[self._values] for memory in places.memory])
