@@ -89,7 +89,7 @@ class RecedingLegs(Legs):
     def anew(self, work: Work, levels: Reals) -> Timed | None:
         planner = self._planner = ModePlanner(work, levels)
         planner.predictor = self._nominal
-        found = self._led(planner, work)
+        found = self._led(planner, work) or self._let_go(planner)
         if found is None:
             return None
         self._left = np.concatenate([found.vectors, self._rest])
@@ -106,6 +106,12 @@ class RecedingLegs(Legs):
             node, self._rest = led
             return node.found
         return super()._led(planner, work)
+
+    def _let_go(self, planner: ModePlanner) -> Found | None:
+        """Where nothing leads on from where fingers touch an object, they leave it, and what is left follows
+        from where it rests: it may lean on them, and they may be where no leg begins."""
+        node, self._rest = planner.let_go(), self._left
+        return None if node is None else node.found
 
     def _timed(
         self, predictor: Predictor, work: Work, levels: Reals, segments: Sequence[Segment],

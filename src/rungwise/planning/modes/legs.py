@@ -92,6 +92,16 @@ class Writer:
                 found = finger.put(found, finger.drives(q) + torques / finger.carrier.servos.stiffness)
         return found
 
+    def drawn_back(self, seen: Seen, leaving: Ints) -> Reals | None:
+        """The place (n,) with fingers (f,) drawn back from where they touch; None where they do not fit."""
+        q = seen.q.copy()
+        for f in np.flatnonzero(leaving):
+            found = self._beside(q, int(f), seen)
+            if found is None:
+                return None
+            q = found
+        return q
+
     def _relocated(self, seen: Seen, leg: Leg, held: Ints, seed: int, budget: Budget) -> bool:
         """Lead fingers that change places there, straight in the plane, over objects where they may, or
         around them; False where there is no way."""
@@ -145,14 +155,10 @@ class Writer:
         self._put(aims, LEAVE)
 
     def _left(self, seen: Seen, leaving: Ints) -> Reals | None:
-        """The place (n,) with fingers drawn back from where they touch."""
-        q = seen.q.copy()
-        for f in np.flatnonzero(leaving):
-            found = self._beside(q, int(f), seen)
-            if found is None:
-                return None
-            q = found
-        self._to(q, np.flatnonzero(leaving), LEAVE)
+        """See `drawn_back`: fingers go there."""
+        q = self.drawn_back(seen, leaving)
+        if q is not None:
+            self._to(q, np.flatnonzero(leaving), LEAVE)
         return q
 
     def _beside(self, q: Reals, f: int, seen: Seen) -> Reals | None:

@@ -198,6 +198,11 @@ class ModePlanner:
         object is, and the legs that are left after it: see `InTurn.next`. Raises TimeOver."""
         return self._in_turn().next(self.nodes[0], vectors, AGAIN, failed, self._aim)
 
+    def let_go(self) -> Node | None:
+        """Where an object comes to rest that fingers leave where planning starts: see `InTurn.let_go`. Raises
+        TimeOver."""
+        return self._in_turn().let_go(self.nodes[0], AGAIN[0])
+
     def _aim(self, ground: Ground, q: Reals) -> Aim:
         """Places at the goal, those next to q (n,) first, and whether a place is there."""
         return self._goals(ground, q), self._reached(ground)

@@ -12,7 +12,7 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.balance import modes
 from rungwise.planning.modes.fingers import Finger, fingers_of
-from rungwise.planning.modes.follow import follow
+from rungwise.planning.modes.follow import TARGET, Way, follow
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.legs import HOLD, Layout, Writer
 from rungwise.planning.modes.pushed import loose
@@ -203,6 +203,18 @@ class Scene:
             if len(way.places) > 1 and away < left:
                 best, left = way, away
         return None if best is None else Begun(ground, seen, Leg(changes, best))
+
+    def letting_go(self, q: Reals) -> Begun | None:
+        """The leg in which all fingers that touch an object at a place (n,) draw back from it; of the first
+        object of which they can, None where there is none."""
+        for ground in self.grounds.values():
+            seen = ground.look(q)
+            held = (seen.held >= 0).astype(np.int64)
+            back = Writer(ground, self.work.moves.question, 1.0).drawn_back(seen, held)
+            if held.any() and back is not None:
+                still = np.zeros((1, len(ground.around.owners)))
+                return Begun(ground, seen, Leg(held, Way(back[None], still, np.zeros_like(held), TARGET)))
+        return None
 
     def run(self, predictor: Predictor, node: Node, begun: Begun, manner: Manner) -> Node | None:
         """The node at the end of a leg; None where it cannot be laid out, or ends so that nothing follows."""

@@ -117,6 +117,16 @@ class InTurn:
                 return None
         return None
 
+    def let_go(self, node: Node, manner: Manner) -> Node | None:
+        """Where an object comes to rest that fingers leave at a node; None where they touch none, or where it
+        goes far from where they held it."""
+        q, begun = node.places.q[0], self.scene.letting_go(node.places.q[0])
+        after = None if begun is None else self.ran(node, begun, manner)
+        if begun is None or after is None:
+            return None
+        is_near = begun.ground.away(after.places.q[0], q) < DRIFTED * self.work.task.size
+        return after if is_near else None
+
     def _made(self, node: Node, vector: Reals, manner: Manner) -> Node | None:
         """The node at the end of a leg (d,) that is made again from another node."""
         own = manner._replace(press=max(manner.press, float(vector[1])))
