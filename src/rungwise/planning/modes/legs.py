@@ -12,7 +12,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.arm_paths import arms_way
 from rungwise.planning.modes.balance import rests
 from rungwise.planning.modes.fingers import contacts_of
-from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.ground import DEPENDENT, Ground, Seen
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.budget import Budget
 from rungwise.planning.motion.transit import Transit
@@ -162,15 +162,17 @@ class Writer:
         return q
 
     def _beside(self, q: Reals, f: int, seen: Seen) -> Reals | None:
-        """The place (n,) with a finger away from where it touches, along the normal."""
+        """The place (n,) with a finger away from where it touches, along the normal: with the least change of
+        its drives, else straight."""
         finger, ground = self.ground.fingers[f], self.ground
-        normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
-        for part in BACK:
-            back = part * finger.carrier.clearance * normal / float(normal @ normal)
-            found = finger.put(q, finger.drives(q) + back)
-            least = ground.around.least(found, contacts_of(finger, ground.task, ground.around))
-            if least.min(initial=np.inf) > 0.0 and finger.reaches(found, ground.around):
-                return found
+        rows = seen.touches.rows[seen.held[f], : ground.around.dimension][:, finger.moved] @ finger.rates(q)
+        for kept in (rows[:1], rows) if finger.arm is not None else (rows[:1],):
+            away = np.linalg.pinv(kept, rcond=DEPENDENT)[:, 0]
+            for part in BACK:
+                found = finger.put(q, finger.drives(q) + part * finger.carrier.clearance * away)
+                least = ground.around.least(found, contacts_of(finger, ground.task, ground.around))
+                if least.min(initial=np.inf) > 0.0 and finger.reaches(found, ground.around):
+                    return found
         return None
 
     def _before_touch(self, leg: Leg, now: Reals) -> Reals | None:
