@@ -9,6 +9,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.execution.policy import FOLLOWING, LOST, RE_PROPOSING, adequate
+from rungwise.planning.execution.receding import RecedingLegs
 from rungwise.planning.execution.timed import Timed
 from rungwise.planning.motion.budget import Stage
 from rungwise.scene.scene import LIBRARY
@@ -235,6 +236,59 @@ def test_an_object_is_not_moved_to_close_contacts_of_fingers_around_it() -> None
     found = policy._measured(seen.copy(), states[36].v, states[36].q)
     assert np.linalg.norm(found.q[0, ball] - seen[ball]) < 0.0025
     assert found.q[0, names.index("first_base.first_aside")] < 1.0
+
+
+def test_a_block_that_leans_is_not_laid_flat_by_its_measurement() -> None:
+    """Both corners are within the gap that counts as closed where it is expected, and one is open there."""
+    policy = policy_of("corner_pivot")
+    q = rw.State.of(policy.plan.scene).q.copy()
+    q[3:] += np.array([-0.05, 2.25e-5, 5e-4])
+    policy.restart()
+    seen = q - np.array([0.0, 0.0, 0.0, 0.0, 1e-5, 0.0])
+    found = policy._measured(seen, np.zeros(len(policy.plan.scene.template.velocities)), q)
+    assert found.q[0] == pytest.approx(q, abs=2e-5)
+
+
+def leaning(raised: float) -> tuple[rw.Policy, rw.State]:
+    """A policy of two fingers, and a state where the box of the floor leans on one of them, or lies on it
+    above the floor."""
+    policy, lean = planned("floor_push").policy(model=rw.DYNAMIC_COMPLIANT), np.radians(15.0)
+    names = list(policy.plan.scene.template.coordinates)
+    turned = np.array([[np.cos(lean), np.sin(lean)], [-np.sin(lean), np.cos(lean)]])
+    box = np.array([0.0, -(turned @ [0.06, -0.04])[1]])
+    tip = box + turned @ [-0.06 - 0.012, 0.0]
+    q = rw.State.of(policy.plan.scene).q.copy()
+    placed = {
+        "box.z": box[1] + raised, "box.qw": np.cos(0.5 * lean), "box.qy": np.sin(0.5 * lean),
+        "finger0.x0": tip[0] + 0.2, "finger0.z0": tip[1] - 0.1 + raised,
+    }  # fmt: skip
+    q[[names.index(each) for each in placed]] = list(placed.values())
+    levels = dict.fromkeys(policy.plan.scene.template.inputs, 0.0)
+    levels |= {"x0": placed["finger0.x0"] + 2.5e-3, "z0": placed["finger0.z0"]}
+    policy._levels = np.array(list(levels.values()))
+    return policy, rw.State(tuple(names), q, np.zeros(len(policy.plan.scene.template.velocities)))
+
+
+@pytest.mark.parametrize("raised", [0.0, 0.1])
+def test_fingers_let_go_where_nothing_leads_on_unless_the_object_falls_far(
+    raised: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A box that leans on a finger comes to lie flat, and all legs are left; one that is held up stays."""
+    policy, state = leaning(raised)
+    names = list(state.names)
+    monkeypatch.setattr(policy, "_kept", lambda *_: None)
+    monkeypatch.setattr(RecedingLegs, "_led", lambda *_: None)
+    moves = len(policy.plan.moves)
+    policy(state)
+    assert policy.status == (LOST if raised else RE_PROPOSING), policy.reason
+    if raised:
+        return
+    part, upright = policy._now, [names.index("box.qx"), names.index("box.qy")]
+    assert {"leave", "hold"} <= set(part.labels) <= {"leave", "hold", "wait"}
+    assert np.abs(part.path[-1][upright]).max() < 1e-3
+    assert len(policy._rest._left) == moves + 1
+    policy._rest.leave(1, part.labels)
+    assert len(policy._rest._left) == moves
 
 
 def test_the_cheapest_rung_from_which_a_plan_held_is_adequate() -> None:

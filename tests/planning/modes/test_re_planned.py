@@ -160,6 +160,37 @@ def test_as_many_contacts_of_a_pair_are_closed_as_are_expected(named: int) -> No
     assert (abs(found[5] - q[5]) < 0.01) == (named == 1)
 
 
+def test_contacts_are_closed_to_the_gaps_that_are_expected_of_them() -> None:
+    """An edge that leans on a face keeps leaning: to press it flat, however little is open, turns a lot."""
+    around: Any = Levers(0.1)
+    q = np.array([-1e-5, 2e-3])  # gaps of -0.01 and 0.19 mm
+    for expected, far in (np.array([2e-4, 0.0]), 2e-5), (None, 1e-3):
+        found = apart(around, q, 1e-3, np.array([0, 0]), expected=expected)
+        gaps = around.touches(found, 0.0).gaps
+        assert gaps.min() > -1e-6 and gaps.max() < (2e-6 if expected is None else 2.1e-4)
+        assert (abs(found[1] - q[1]) > far) == (expected is None)
+
+
+def test_a_place_is_measured_where_the_scene_cannot_start_after_the_inputs() -> None:
+    """The start that follows inputs is the plan's: fingers that were led on need not fit in there."""
+    file = LIBRARY / "space" / "floor_push.yaml"
+    fields = yaml.safe_load(file.read_text("utf-8"))
+    fields["model"]["file"] = str(file.parent / fields["model"]["file"])
+    fields["start"] = {"settle": True, "places": {"finger0.z0": "4 * z0"}}
+    scene = rw.load(fields)
+    inputs, start = scene.template.inputs, rw.State.of(scene)
+    levels = np.array([-0.1 * (name == "z0") for name in inputs])
+    with pytest.raises(rw.InputError, match=r"start\.settle: "):
+        rw.State.of(scene, parameters=dict(zip(inputs, levels.tolist(), strict=True)))
+    work = begin(task_of(scene, scene.parameters()), Budget(), 0, 1)
+    predictor = work.predictor(Stage(rw.DYNAMIC_COMPLIANT, 1e-3))
+    now = predictor.measured(start.q, start.v, levels)
+    assert (now.q[0] == start.q).all()
+    held = rw.Segment(dict(zip(inputs, levels.tolist(), strict=True)), 0.5, ramp=True)
+    _, _, after = run_pieces(predictor, now, [held])
+    assert after.q[0, list(scene.template.coordinates).index("finger0.z0")] == pytest.approx(-0.09, abs=0.01)
+
+
 def test_bodies_stay_where_no_contact_tells_how_they_come_apart() -> None:
     def touches(_q: Reals, within: float) -> Any:
         gaps = np.full(int(within == 0.0), -1e-3)

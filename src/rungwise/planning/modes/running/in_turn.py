@@ -22,6 +22,9 @@ SOONER = 2
 AT_MOST = 0.5
 """Part of the way to its end that a leg which is made again leaves at most, where the object is not near;
 and of the way to the goal that small legs leave."""
+FALLS = 0.5
+"""How far, in parts of its size, an object goes at most that fingers let go of: what leans on them, not what
+they hold up."""
 LED_ON, JOINED, JOINING = 2, 3, 12
 """How often a leg is led on whose object is not where it was to be; how often in one tree, or once for each
 of its legs, where these are more, small ones lead to the end of a leg that cannot be made, or run, from where
@@ -119,13 +122,13 @@ class InTurn:
 
     def let_go(self, node: Node, manner: Manner) -> Node | None:
         """Where an object comes to rest that fingers leave at a node; None where they touch none, or where it
-        goes far from where they held it."""
+        falls far."""
         q, begun = node.places.q[0], self.scene.letting_go(node.places.q[0])
         after = None if begun is None else self.ran(node, begun, manner)
         if begun is None or after is None:
             return None
-        is_near = begun.ground.away(after.places.q[0], q) < DRIFTED * self.work.task.size
-        return after if is_near else None
+        falls = begun.ground.away(after.places.q[0], q) > FALLS * self.work.task.size
+        return None if falls else after
 
     def _made(self, node: Node, vector: Reals, manner: Manner) -> Node | None:
         """The node at the end of a leg (d,) that is made again from another node."""
