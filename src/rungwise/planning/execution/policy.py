@@ -18,7 +18,7 @@ import numpy as np
 
 from rungwise.deadline import TimeOver, seconds
 from rungwise.errors import InputError
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import Code
