@@ -2,7 +2,7 @@
 not quite as planned; and whether MuJoCo reaches the goal with the plan.
 
     python benchmarks/feedback.py [--tasks NAMES] [--samples M] [--seed SEED] [--plans FOLDER]
-        [--open-loop]
+        [--counted PART] [--open-loop]
 
 Errors are uniform: of the object's start up to 2 mm and 2 degrees, as far as it may lie so, of the start of
 each finger or joint of a robot up to 2 mm or 2 degrees, of all coefficients of friction up to 20 %. Where no
@@ -11,7 +11,8 @@ samples are run in both modes. A task is a shipped scene or a file, with `:name=
 `examples/data/allegro_cube.yaml:turn=90`. The columns: length of the plan in seconds; successes open loop and
 with feedback; outcome in MuJoCo and, where it misses, by how much a condition of the goal fails there; with
 feedback the proposals of a sample, parts of these that kept what was left, their steps, and milliseconds.
-With `--plans` plans are kept in a folder, and those that lie there as TASK.json are used again.
+With `--plans` plans are kept in a folder, and those that lie there as TASK.json are used again. With
+`--counted PART` plans and policies count on this part of all friction, and errors are those of the whole.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ IN_SPACE = [
     "three_finger_lift", "floor_push", "arm_turn", "block_turn", "door", "palm_lift", "hand_turn",
     "ball_turn", "peg_arm",
 ]  # fmt: skip
+FRICTION = "mu"
+"""How names of coefficients of friction begin."""
 SLIDE, HINGE = 2, 3
 """Kinds of MuJoCo's joints."""
 
@@ -56,7 +59,7 @@ def varied(name: str) -> rw.Scene | rw.SpaceScene:
     files = (Path(name), LIBRARY / f"{name}.yaml", LIBRARY / "space" / f"{name}.yaml")
     file = next(f for f in files if f.is_file())
     fields: dict[str, Any] = yaml.safe_load(file.read_text("utf-8"))
-    mus = [key for key in fields["parameters"] if key.startswith("mu")]
+    mus = [key for key in fields["parameters"] if key.startswith(FRICTION)]
     uncertain = {key: {"uniform": [f"{1.0 - PART} * {key}", f"{1.0 + PART} * {key}"]} for key in mus}
 
     def error(of: str, most: float, low: float | None = None) -> str:
@@ -140,6 +143,7 @@ def planned(name: str, asked: argparse.Namespace) -> rw.Plan:
         parameters = {
             key: float(value) for key, _, value in (each.partition("=") for each in given.split(":")) if key
         }
+        parameters |= times(rw.load(file).parameters() | parameters, asked.counted)
         seed = {"task_seed": 1001} if name == "push" else {}
         plan = rw.plan(file, seed=asked.seed, limit=asked.limit, parameters=parameters, **seed)
         if asked.plans and plan.found:
@@ -149,17 +153,25 @@ def planned(name: str, asked: argparse.Namespace) -> rw.Plan:
     return replace(plan, scene=scene, parameters=errors | plan.parameters)
 
 
+def times(parameters: dict[str, float], part: float) -> dict[str, float]:
+    """Coefficients of friction, times a number that is not 1."""
+    return {
+        key: part * value for key, value in parameters.items() if part != 1.0 and key.startswith(FRICTION)
+    }
+
+
 def row(name: str, asked: argparse.Namespace) -> str:
     """The results of one task."""
     plan, short = planned(name, asked), Path(name.partition(":")[0]).stem
     if not plan.found or plan.stage is None:
         return f"{short:16} no plan: {plan.reason}"
     model, tol = plan.stage.model, plan.tol
-    trials = Trials(plan, model, tol, "open loop", asked.seed, threads=1)
+    actual = replace(plan, parameters=plan.parameters | times(plan.parameters, 1.0 / asked.counted))
+    trials = Trials(actual, model, tol, "open loop", asked.seed, threads=1)
     points = trials.draw(asked.samples)
     ends, of = [Code(int(code)) for code in trials.run(points)[0]], partial(told, samples=asked.samples)
     if asked.open_loop:
-        return f"{short:16} {plan.duration:5.1f} {of(ends):>9} {'-':>9}  {in_mujoco(plan)}"
+        return f"{short:16} {plan.duration:5.1f} {of(ends):>9} {'-':>9}  {in_mujoco(actual)}"
     fed, seen, made = FedBack(plan, model, tol, asked.noise), list[Code](), list[Any]()
     failed = list[str]()
     for k, point in enumerate(points):
@@ -174,7 +186,7 @@ def row(name: str, asked: argparse.Namespace) -> str:
     ]
     kept, each = sum(one.kept for one in made) / max(len(made), 1), len(made) / asked.samples
     line = (
-        f"{short:16} {plan.duration:5.1f} {of(ends):>9} {of(seen):>9}  {in_mujoco(plan):9} {each:4.1f}"
+        f"{short:16} {plan.duration:5.1f} {of(ends):>9} {of(seen):>9}  {in_mujoco(actual):9} {each:4.1f}"
         f" {kept:5.2f} {median[0]:7.0f} {1e3 * median[1]:7.0f}"
     )
     return "\n  ".join([line, *failed])
@@ -202,6 +214,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--limit", type=float, default=120.0, help="seconds of each planning")
     parser.add_argument("--open-loop", action="store_true", help="without feedback, which may take long")
+    parser.add_argument("--counted", type=float, default=1.0, help="part of friction that plans count on")
     parser.add_argument("--plans", help="a folder of plans that are used again")
     return parser.parse_args()
 
