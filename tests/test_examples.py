@@ -193,6 +193,15 @@ def test_the_benchmark_of_feedback_varies_starts(name: str, monkeypatch: pytest.
     assert ("hole_x" in scene.file.task.uncertain) == (name == "peg_arm")
 
 
+def test_the_benchmark_of_feedback_counts_on_a_part_of_friction(monkeypatch: Patch) -> None:
+    """Times the inverse it is the friction that there is; with all of it tasks stay as they are."""
+    times, own = script("benchmarks/feedback.py", monkeypatch).times, rw.load("hand_turn").parameters()
+    counted = times(own, 0.8)
+    assert counted and all(counted[key] == 0.8 * own[key] and key.startswith("mu") for key in counted)
+    assert times(own | counted, 1.25) == pytest.approx({key: own[key] for key in counted})
+    assert times(own, 1.0) == {}
+
+
 def test_places_of_the_pin_of_the_part_feeder(monkeypatch: Patch, tmp_path: Path, capsys: Printed) -> None:
     example = script("examples/part_feeder.py", monkeypatch)
     assert example.main(["--samples", "4", "--grid", "1", "--png", str(tmp_path / "map.png")]) == 0
