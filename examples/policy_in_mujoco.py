@@ -35,7 +35,7 @@ def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, durat
             values[-1] = data.time
             bound.tell(values)
             data.ctrl[:] = bound.control
-            mujoco.mj_step(model, data)
+            bound.step_in_mujoco(data)
         before = after
     return "missed"
 

@@ -19,7 +19,7 @@ from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
-from rungwise.scene.space.laws import contact_laws, named_laws, sides_of
+from rungwise.scene.space.laws import contact_laws, named_laws, rub, sides_of
 from rungwise.scene.space.mujoco_model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
@@ -127,6 +127,22 @@ class SpaceBound:
         """Set controls and speeds from parameters and t (p + 1,). Raises InvalidScene."""
         self.tell_controls(values)
         self.tell_speeds(values)
+
+    def step_in_mujoco(self, data: mujoco.MjData) -> None:
+        """One step of MuJoCo's own loop (`mj_step`) with the scene's friction in place of the model's. Where
+        these differ, Euler's method stands for that of Runge and Kutta, as in `mj_step2`."""
+        import mujoco
+
+        if np.isnan(self.laws[:, 5:]).all():
+            mujoco.mj_step(self.model, data)
+            return
+        mujoco.mj_step1(self.model, data)
+        if rub(data, self.law, self.laws):
+            for follow in (
+                mujoco.mj_makeConstraint, mujoco.mj_island, mujoco.mj_projectConstraint, mujoco.mj_fwdVelocity
+            ):  # fmt: skip
+                follow(self.model, data)
+        mujoco.mj_step2(self.model, data)
 
     def tell_controls(self, values: Reals) -> None:
         """As `tell`, controls alone."""

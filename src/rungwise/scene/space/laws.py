@@ -30,6 +30,8 @@ FROM = {"torsional_friction": 4, "rolling_friction": 6}
 """Kinds of friction, and the condim from which on contacts have them."""
 RUBS = 3
 """The condim from which on contacts have friction."""
+LEAST = 1e-5
+"""Friction that MuJoCo takes for none."""
 EARTH = 9.81
 """Gravity (m/s^2) that stiffness is measured by where the model has none."""
 
@@ -182,6 +184,26 @@ def _sizes(model: mujoco.MjModel) -> Reals:
     """Radii of the geoms that move and may touch."""
     moving = touching(model) & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)
     return np.asarray(model.geom_rbound[moving])
+
+
+def rub(data: mujoco.MjData, law: Ints, rows: Reals) -> bool:
+    """Give contacts of MuJoCo the friction of their laws (see `contact_laws`); sliding friction changes
+    torsional and rolling friction that have none of their own alike. Returns whether any has other friction
+    now."""
+    found = data.contact
+    if not data.ncon:
+        return False
+    own, (slide, twist, roll) = found.friction.copy(), rows[law[tuple(found.geom.T)], 5:].T
+    part = np.where(np.isnan(slide) | (own[:, 0] <= 0.0), 1.0, slide / np.maximum(own[:, 0], LEAST))
+    wanted = own * part[:, None]
+    for columns, given in ((slice(0, 2), slide), (slice(2, 3), twist), (slice(3, 5), roll)):
+        told = ~np.isnan(given)
+        wanted[told, columns] = given[told, None]
+    wanted = np.maximum(wanted, LEAST)
+    if (wanted == own).all():
+        return False
+    found.friction[:] = wanted
+    return True
 
 
 def default_law(model: mujoco.MjModel) -> tuple[float, float]:

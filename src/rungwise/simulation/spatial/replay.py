@@ -211,7 +211,7 @@ class _Course:
 
     def at(self, time: float) -> _Place:
         """Go on to a time. Raises TimeOver."""
-        mujoco, d, m = library(), self.data, self.model
+        d, m = self.data, self.model
         own = float(m.opt.timestep)
         while d.time < time - 1e-9 * own:
             self.deadline.look()
@@ -222,7 +222,7 @@ class _Course:
             driven = ~np.isnan(self.bound.pace)
             d.qvel[driven] = self.bound.pace[driven]
             m.opt.timestep = h
-            mujoco.mj_step(m, d)
+            self.bound.step_in_mujoco(d)
             d.qvel[driven] = self.bound.pace[driven]
             self._note()
             self.clock.go_on(d.time, self.values.told, self._holds)
