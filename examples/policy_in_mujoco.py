@@ -41,7 +41,7 @@ def run(plan: rw.Plan, levels: Callable[[rw.State], Reals], period: float, durat
 
 
 def main(plan: rw.Plan | None = None) -> None:
-    plan = plan or rw.plan("floor_push", seed=1)
+    plan = plan or rw.plan("ball_turn", seed=0)
     policy = plan.policy()
     rows, durations = plan.levels()
     start = np.array([plan.parameters[name] for name in plan.scene.template.inputs])
