@@ -16,7 +16,7 @@ RADIUS, SPEED, G = 0.012, 0.01, 9.81
 STIFFNESS, LIMIT, YIELDING = 2000.0, 20.0, 1e5
 CREEPS = {(0, 4, 2), (1, 6, 2), (1, 7, 1), (1, 12, 2), (2, 11, 1)}
 """Seed, pieces and fingers of heaps that a quasistatic rung does not push to the end: the first ends as not
-converged on the rigid one; in the others steps on the compliant one become so short that runs take hours."""
+converged on the rigid one; the others take steps on the compliant one so short that 30 s are not enough."""
 HEAPS = [(s, c, f) for s in range(4) for c in range(2, 13) for f in (1, 2) if (s, c, f) not in CREEPS]
 AGREE = 1e-3
 """Distance (m) between the ends of a slow push with and without inertia, at most: a twelfth of a piece's

@@ -19,7 +19,7 @@ from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
-from rungwise.scene.space.laws import contact_laws, named_laws, rub, sides_of
+from rungwise.scene.space.laws import contact_laws, give_friction, named_laws, sides_of
 from rungwise.scene.space.mujoco_model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
@@ -137,7 +137,7 @@ class SpaceBound:
             mujoco.mj_step(self.model, data)
             return
         mujoco.mj_step1(self.model, data)
-        if rub(data, self.law, self.laws):
+        if give_friction(data, self.law, self.laws):
             for follow in (
                 mujoco.mj_makeConstraint, mujoco.mj_island, mujoco.mj_projectConstraint, mujoco.mj_fwdVelocity
             ):  # fmt: skip

@@ -186,7 +186,7 @@ def _sizes(model: mujoco.MjModel) -> Reals:
     return np.asarray(model.geom_rbound[moving])
 
 
-def rub(data: mujoco.MjData, law: Ints, rows: Reals) -> bool:
+def give_friction(data: mujoco.MjData, law: Ints, rows: Reals) -> bool:
     """Give contacts of MuJoCo the friction of their laws (see `contact_laws`); sliding friction changes
     torsional and rolling friction that have none of their own alike. Returns whether any has other friction
     now."""
@@ -194,7 +194,7 @@ def rub(data: mujoco.MjData, law: Ints, rows: Reals) -> bool:
     if not data.ncon:
         return False
     own, (slide, twist, roll) = found.friction.copy(), rows[law[tuple(found.geom.T)], 5:].T
-    part = np.where(np.isnan(slide) | (own[:, 0] <= 0.0), 1.0, slide / np.maximum(own[:, 0], LEAST))
+    part = np.where(np.isnan(slide), 1.0, slide / np.maximum(own[:, 0], LEAST))
     wanted = own * part[:, None]
     for columns, given in ((slice(0, 2), slide), (slice(2, 3), twist), (slice(3, 5), roll)):
         told = ~np.isnan(given)

@@ -293,7 +293,9 @@ class _Search:
         return _Demands(rows, clear - off, equal, float(wrong.max(initial=0.0)), float(wrong @ wrong))
 
     def _constraints(self, q: Reals) -> tuple[Reals, Reals, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Rows (k, n) at q (n_q,), what each is off (k,), and which are equalities and contacts (k,)."""
+        """Rows (k, n) at q (n_q,), what each is off (k,), and which are equalities and contacts (k,). Nearest
+        points are contacts besides where contacts of faces miss them, as `system.spatial.missed_contacts`
+        says of runs."""
         rows, off, equal, contact = self._found(q)
         if not self.is_faced:
             return rows, off, equal, contact

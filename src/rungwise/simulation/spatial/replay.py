@@ -117,7 +117,8 @@ def replay(
     motions at the run's frames. Prescribed velocities of the scene are set before each step of the other
     simulator.
 
-    `step` is the other simulator's (default: the model's own); solver, cone and integrator are the model's.
+    `step` is the other simulator's (default: the model's own); friction is the scene's; solver, cone and
+    integrator are the model's (but see `SpaceBound.step_in_mujoco`).
     After `limit` seconds the motions are compared as far as it has come; see `unfinished`. Raises
     ReplayError for a planar run and for one that never began, ModelError for a step that is not positive.
     """
