@@ -89,10 +89,13 @@ def test_joints_are_closed_by_what_is_known_least() -> None:
     assert v[0] == pytest.approx(
         [*(0.1 * np.array([-np.sin(upper), np.cos(upper)])), 1.0, *swing, -2.0], abs=1e-5
     )
-    for places, began in ((q[0], True), (turned[0], False)):
+    for places, began in ((q[0], True), (turned[0] + 3.0 * (turned - start)[0], False)):
         state = rw.State(loaded.template.coordinates, places, v[0], 0.0)
         run = rw.simulate(loaded, "dynamic-rigid", state=state, duration=0.01)
-        assert (str(run.outcome) != "invalid") == began
+        assert (str(run.outcome) != "invalid") == began and not any("was moved" in n for n in run.notes)
+    state = rw.State(loaded.template.coordinates, turned[0], v[0], 0.0)
+    closed = rw.simulate(loaded, "dynamic-rigid", state=state, duration=0.01)
+    assert str(closed.outcome) != "invalid" and any("was moved" in note for note in closed.notes)
 
 
 def test_spans_begin_at_their_time_where_a_drive_follows_it() -> None:

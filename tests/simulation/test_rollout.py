@@ -123,7 +123,7 @@ def test_one_samples_fault_is_named_and_the_others_go_on() -> None:
     assert (found.outcome[wrong] == rw.Code.INVALID).all()
     assert np.array_equal(found.outcome[~wrong], good.outcome[~wrong])
     assert np.array_equal(found.final[~wrong], good.final[~wrong])
-    assert found.reason(9) == "state.q.finger1.x1: 99 is outside its travel, 0 to 2"
+    assert found.reason(9).startswith("state.q.finger1.x1: 99 is outside its travel, 0 to 2; the nearest")
     assert found.reason(10).startswith("bodies.finger1: overlaps part by")
 
 

@@ -16,7 +16,7 @@ from rungwise.simulation.planar.loop import CLOSED, Setting, begin, slack
 from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs, set_all
 from rungwise.simulation.planar.state.memory import go_on
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
-from rungwise.simulation.state import Memory, State, StateError, digest, memory_of
+from rungwise.simulation.state import Memory, PlaceError, State, StateError, digest, memory_of
 from rungwise.system.planar import joints
 from rungwise.system.planar.place import allocate_placement, place
 
@@ -36,8 +36,8 @@ def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspac
     schedule begins there if `fresh`, and goes on as the state's run followed it if not.
 
     Bodies may overlap, joints be open and coordinates lie outside their travel by as much as in the state's
-    own run, by its errors and deformations. Raises StateError for a place outside its travel, and for a
-    memory that is not the state's.
+    own run, by its errors and deformations. Raises PlaceError for a place outside its travel, and StateError
+    for a memory that is not the state's.
     """
     records, inputs, _, buffer, rung, control = setting
     now = workspace.state
@@ -176,6 +176,6 @@ def _check_travel(state: State, records: Records, before: Before) -> None:
             raise _outside(state, records, i)
 
 
-def _outside(state: State, records: Records, i: int) -> StateError:
+def _outside(state: State, records: Records, i: int) -> PlaceError:
     low, high = float(records.coordinates["lower"][i]), float(records.coordinates["upper"][i])
-    return StateError(f"state.q.{state.names[i]}: {state.q[i]:g} is outside its travel, {low:g} to {high:g}")
+    return PlaceError(f"state.q.{state.names[i]}: {state.q[i]:g} is outside its travel, {low:g} to {high:g}")

@@ -131,6 +131,7 @@ class Simulation(Turns):
                     f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}"
                 )
             self.reason = begin_at(state, self.scene, self._setting, self._begins_inputs, self.workspace)
+            self.is_misplaced = bool(self.reason)
         self.workspace.state.clock["stride"] = stride
         self.reason = self.reason or impossible_times(self.scene, self._setting.inputs, self._bound.values)
         if self.reason:
@@ -290,7 +291,7 @@ class Simulation(Turns):
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,
-            notes=() if self.workspace is None else self._reasons().notes(),
+            notes=self.moved_to_begin + (() if self.workspace is None else self._reasons().notes()),
         )
 
     def _reasons(self) -> Reasons:

@@ -33,6 +33,11 @@ class StateError(InputError):
     """A state is wrong, or does not belong to the scene; the text is one line that names the field."""
 
 
+class PlaceError(StateError):
+    """A run does not begin at a place: bodies overlap, joints are open, or a coordinate is outside its
+    travel."""
+
+
 @dataclass(frozen=True, eq=False)
 class Memory:
     """What a run hands on from step to step beside q and v: contact modes, forces, deformations and the

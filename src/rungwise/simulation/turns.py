@@ -49,6 +49,8 @@ class Turns:
         self._told = self._opened = 0.0
         self.outcome, self.reason, self.wall_s = Code.RUNNING, "", 0.0
         self.certificate: Certificate | None = None
+        # Whether it cannot begin at its state; and, where that was moved to where it can, how far, in a note.
+        self.is_misplaced, self.moved_to_begin = False, tuple[str, ...]()
         self.deadline = Deadline()
         # Simulated time at which the run ends at the latest, once that is known.
         self.end = math.inf

@@ -12,17 +12,6 @@ import numpy as np
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 
-OPENED, BEYOND = 12, 1.01
-"""Steps in which bodies that overlap are moved apart, and how many times as far as it takes."""
-SLIGHT = 1e-3
-"""Gap, in parts of that within which contacts are closed, from which on a contact counts as open."""
-DEPENDENT = 1e-3
-"""Part of the greatest motion of contacts per change below which contacts cannot be moved by themselves."""
-UNMOVED = 1e-6
-"""Part of the greatest motion of a contact per change from which on another contact is moved at all: near a
-joint's axis contacts move little, but they move."""
-BESIDE = 2.0
-"""Gaps over the deepest overlap of contacts that steps do not close any more."""
 ROUNDED = 1e-9
 """Part of a gap that is to be kept by which it may be less, by rounding."""
 
@@ -285,67 +274,8 @@ class Surroundings(Protocol):
     def poses(self, q: Reals) -> Reals:
         """Poses (b, 3) of the bodies at a place (n_q,), in space (b, 7) (see `Touches`)."""
 
+    def centres(self, q: Reals) -> Reals:
+        """Centres of mass (b, d) of the bodies at a place (n_q,)."""
+
     def outline(self, body: int) -> Outline:
         """The outline of a body, by its number. Raises ValueError for one without."""
-
-
-def apart(
-    around: Surroundings,
-    q: Reals,
-    within: float = 0.0,
-    pairs: Ints | None = None,
-    weights: Reals | None = None,
-    expected: Reals | None = None,
-) -> Reals:
-    """The place (n_q,) nearest to q (n_q,), nearly, at which no bodies overlap: Newton's method on the gaps,
-    with steps of least norm in which a turn counts as the way of the contact that it moves most.
-
-    Of the given pairs (p,) the nearest contacts are closed besides, as many as a pair is named times, where
-    they are nearer than `within`: to the gaps (p,) that are expected of them, the nearest to the least, or
-    to 0 if none are given. weights (n_v,): how dear a change of each velocity's coordinate is, 1 if none are
-    given. Joints are not looked at."""
-    found = q.copy()
-    closed = np.zeros(0, np.int64) if pairs is None else pairs
-    to = np.zeros(len(closed)) if expected is None else np.maximum(expected, 0.0)
-    for _ in range(OPENED if len(closed) else 0):
-        touches = around.touches(found, within)
-        gaps, most = touches.gaps, _most(touches, closed, to)
-        moved = (gaps < 0.0) | (gaps > most + SLIGHT * within)
-        if not moved.any():
-            break
-        wanted = np.where(gaps < 0.0, 0.0, most)[moved] - gaps[moved]
-        found = _changed(around, found, touches.rows[moved, 0], wanted, weights)
-    for _ in range(OPENED):
-        deepest = -float(around.touches(found, 0.0).gaps.min(initial=0.0))
-        if deepest <= 0.0:
-            break
-        touches = around.touches(found, BESIDE * deepest)
-        if not len(touches.gaps):
-            break
-        wanted = np.maximum(-BEYOND * touches.gaps, 0.0)
-        found = _changed(around, found, touches.rows[:, 0], wanted, weights)
-    return found
-
-
-def _most(touches: Touches, closed: Ints, to: Reals) -> Reals:
-    """The greatest gaps that contacts (c,) may have: of the nearest of given pairs (p,), as many of each as
-    it is named times, these (p,) in their order; infinite of others."""
-    found = np.full(len(touches.gaps), np.inf)
-    for pair in np.unique(closed):
-        own, gaps = np.flatnonzero(touches.pairs == pair), np.sort(to[closed == pair])
-        nearest = own[np.argsort(touches.gaps[own], kind="stable")[: len(gaps)]]
-        found[nearest] = gaps[: len(nearest)]
-    return found
-
-
-def _changed(around: Surroundings, q: Reals, rows: Reals, wanted: Reals, weights: Reals | None) -> Reals:
-    """The place (n_q,) after the least change that changes gaps with these rows (k, n_v) as wanted (k,)."""
-    units = np.maximum(np.abs(rows).max(axis=0), 1.0)
-    if weights is not None:
-        units = units * weights
-    rows = rows / units
-    sizes = np.linalg.norm(rows, axis=1)
-    moved = sizes > UNMOVED * sizes.max()
-    each = sizes[moved]
-    step = np.linalg.lstsq(rows[moved] / each[:, None], wanted[moved] / each, rcond=DEPENDENT)[0]
-    return around.changed(q, step / units)

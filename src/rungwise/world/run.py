@@ -17,6 +17,7 @@ from rungwise.simulation.options import count
 from rungwise.simulation.saved import read
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
+from rungwise.world.nearest import begun
 from rungwise.world.stepped import Control, led_by
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any) -> Any:
     """A run of a scene that is taken in turns."""
-    return world_of(load(scene)).simulation(model, **options)
+    return begun(load(scene), model, **options)
 
 
 def finished(

@@ -20,7 +20,7 @@ from rungwise.simulation.live.observation import Observation
 from rungwise.simulation.live.wanted import Wanted
 from rungwise.simulation.options import ModelError, positive
 from rungwise.simulation.state import State
-from rungwise.world.find import world_of
+from rungwise.world.nearest import begun
 
 if TYPE_CHECKING:
     import rungwise
@@ -65,7 +65,7 @@ class Simulation(Generic[Ended]):
     def __init__(
         self, scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
     ) -> None:
-        self._run: Any = world_of(load(scene)).simulation(model, **options)
+        self._run: Any = begun(load(scene), model, **options)
 
     def __getstate__(self) -> object:
         """Raises TypeError: a run under way holds compiled code and a solver's memory."""

@@ -19,7 +19,7 @@ from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import begin
 from rungwise.planning.task.task import task_of
 from rungwise.scene.scene import LIBRARY
-from rungwise.world.carriers import apart
+from rungwise.world.nearest import apart
 from rungwise.world.planar.surroundings import PlanarSurroundings
 
 ERRORS = {"mu": 0.1, "mu_s": 0.15, "mass": 0.1, "inside": 0.15}
@@ -107,7 +107,7 @@ def test_bodies_that_overlap_are_moved_apart(deep: float) -> None:
     around = PlanarSurroundings(scene, scene.parameters())
     q = rw.State.of(scene).q.copy()
     q[[3, 4]] += deep * np.array([1.0, -1.0])
-    opened = around.apart(q)
+    opened = apart(around, q)
     assert around.touches(opened, 0.0).least.min() >= 0.0
     assert np.linalg.norm(opened - q) <= 1.5 * 2.0**0.5 * deep and (opened[:3] == q[:3]).all()
 

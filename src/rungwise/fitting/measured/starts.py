@@ -9,14 +9,17 @@ nearest by the deviations of the measurement.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.simulation.state import PlaceError
 from rungwise.world.contract import Moved
 from rungwise.world.find import world_of
+from rungwise.world.nearest import Nearest
 
 ROUNDS = 30
 """Times that the deepest overlap of each start is removed: a part in a corner takes several."""
@@ -48,7 +51,7 @@ class Parting:
     (n_q,): of the measured places, 0 of those that were not measured."""
 
     def __init__(self, scene: Any, ends: Mapping[str, tuple[float, float]], deviations: Reals) -> None:
-        self._world, self._ends = world_of(scene), ends
+        self._scene, self._world, self._ends = scene, world_of(scene), ends
         self._moved = self._world.at().moved
         self._scale = _likely(deviations, self._moved)
         names = (*scene.template.coordinates, *self._world.velocities)
@@ -112,8 +115,24 @@ class Parting:
         gaps = place.geometry(q)[0]
         key = q.tobytes() + gaps.tobytes() + lasting.tobytes()
         if key not in self._known:
-            self._known[key] = self._apart(place, q, gaps, lasting)
+            found = self._apart(place, q, gaps, lasting)
+            self._known[key] = self._accepted(place, q, found, parameters)
         return self._known[key]
+
+    def _accepted(self, place: Any, q: Reals, found: Reals, parameters: Mapping[str, float]) -> Apart:
+        """Places (s, n_q) that were found from q, those at which no run begins moved to the nearest one at
+        which one does, where that is near."""
+
+        def begins(at: Reals, _: Reals) -> Reals:
+            if place.geometry(at[None])[1][0]:
+                raise PlaceError("overlaps")
+            return at
+
+        nearest, still = Nearest(self._scene, parameters), np.zeros(len(self._moved.rates))
+        for i in np.flatnonzero(place.geometry(found)[1]):
+            with suppress(PlaceError):
+                found[i], _ = nearest(found[i], still, begins)
+        return Apart(found, np.linalg.norm((found - q) * self._moved.weights, axis=1))
 
     def _slopes(self, place: Any, q: Reals) -> Reals:
         """Changes (s, c, n_q) of gaps at places (s, n_q) with coordinates that may be moved, 0 of others."""
@@ -129,7 +148,7 @@ class Parting:
             found[..., column] = (sides[0] - sides[1]) / (2.0 * change)
         return found
 
-    def _apart(self, place: Any, q: Reals, gaps: Reals, lasting: NDArray[np.bool_]) -> Apart:
+    def _apart(self, place: Any, q: Reals, gaps: Reals, lasting: NDArray[np.bool_]) -> Reals:
         moved, clear, found = self._moved, CLEAR * self._moved.size, q.copy()
         lack = _lack(gaps, lasting, clear)
         left = np.flatnonzero(lack.any(axis=1))
@@ -147,7 +166,7 @@ class Parting:
                 found[np.ix_(left, four)] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
             lack[left] = _lack(place.geometry(found[left])[0], lasting[left], clear)
             left = left[lack[left].any(axis=1)]
-        return Apart(found, np.linalg.norm((found - q) * moved.weights, axis=1))
+        return found
 
 
 def _lack(gaps: Reals, lasting: NDArray[np.bool_], clear: float) -> Reals:

@@ -32,9 +32,9 @@ from rungwise.planning.plan import HELD, NOTHING, PLACES_ONLY, Plan
 from rungwise.simulation.live.observation import Observation
 from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.state import State, StateError
-from rungwise.world.carriers import Surroundings, TaskError, apart
-from rungwise.world.contract import OBJECT
+from rungwise.world.carriers import TaskError
 from rungwise.world.find import world_of
+from rungwise.world.nearest import Closing, Nearest
 from rungwise.world.stepped import Simulation
 
 FOLLOWING, RE_PROPOSING, LOST = "following", "re-proposing", "lost"
@@ -53,12 +53,11 @@ LATER = 5.0
 WAITED = 0.1
 """Part of the plan's duration after which a policy that is lost tries again, twice as long each time that it
 finds nothing: what stands still seldom has a way on that was not found before."""
+FARTHEST = 0.25
+"""How far what is measured may be, in parts of the size, from the nearest place at which a run begins, or
+nothing is proposed from there."""
 FIRM = 10.0
-"""What a change of a robot's place weighs over one of an object's, where measured bodies are moved apart:
-joints are known better than objects."""
-IN_TURN = 100
-"""Times that measured bodies are moved apart, and their joints closed, at most: either undoes a little of the
-other."""
+"""What a change of a robot's place weighs over one of an object's: joints are known better than objects."""
 CLOSED = 2e-3
 """Gap, in parts of the size, within which contacts are expected to be closed."""
 
@@ -119,15 +118,9 @@ class Policy:
         self._steps = world.replanning_steps if budget is None else count("budget", budget, 1)
         self._limit = seconds(limit)
         self._average = count("average", average, 1)
-        self._around: Surroundings | None = world.surroundings(plan.parameters)
-        self._firm = self._firmness()
-        self._place = world.place(plan.parameters)
-        self._travel = world.at(plan.parameters).travel
+        self._nearest = Nearest(plan.scene, plan.parameters, FARTHEST, FIRM)
         self._work = begun(plan, Budget(), plan.seed, 1)
         self._task = self._work.task
-        weights = self._task.weights
-        places = 1.0 / np.where(weights > 0.0, weights, 1.0)
-        self._free = np.concatenate([places, np.ones(len(plan.scene.template.velocities))])
         self._nominal = self._work.predictor(self._stage)
         self._rest = rest_of(plan, self._nominal, self._work)
         self._whole = whole(plan, self._work)
@@ -295,24 +288,16 @@ class Policy:
         """The allowed place nearest to a measured one, as the planner goes on from it. Raises StateError."""
         q = q.copy()
         self.plan.scene.normalise(q, "state.q", StateError)
-        if self._around is None:
-            return self._nominal.measured(q, v, self._levels)
-        touching = self._around.touches(expected, CLOSED * self._task.size)
-        near = (touching.gaps <= CLOSED * self._task.size) & self._rest.closes
-        closed, gaps = touching.pairs[near], touching.gaps[near]
-        for _ in range(IN_TURN):
-            opened = apart(self._around, q, ASTRAY * self._task.size, closed, self._firm, gaps)
-            (q,), (v,) = self._place.closed(opened[None], v[None], self._free)
-            q = np.clip(q, *self._travel)
-            if (q == opened).all() or not (self._around.touches(q, 0.0).gaps < 0.0).any():
-                break
-        return self._nominal.measured(q, v, self._levels)
+        around, closing = self._nearest.around, None
+        if around is not None:
+            touching = around.touches(expected, CLOSED * self._task.size)
+            near = (touching.gaps <= CLOSED * self._task.size) & self._rest.closes
+            closing = Closing(touching.pairs[near], touching.gaps[near], ASTRAY * self._task.size)
+        return self._nearest(q, v, self._begun_at, closing)[0]
 
-    def _firmness(self) -> Reals | None:
-        if self._around is None:
-            return None
-        roles = list(world_of(self.plan.scene).roles(self.plan.parameters).values())
-        return np.array([1.0 if roles[k] == OBJECT else FIRM for k in self._around.owners])
+    def _begun_at(self, q: Reals, v: Reals) -> Places:
+        """A place as the planner goes on from it. Raises PlaceError."""
+        return self._nominal.measured(q, v, self._levels)
 
 
 def adequate(plan: Plan) -> Stage:

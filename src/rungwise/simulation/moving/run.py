@@ -96,6 +96,7 @@ class MovingSimulation(Turns, Kind):
         if before is not None:
             field = "start" if state is None else "state"
             self.reason = self.misplaced(self.stepper.q, before, field)
+            self.is_misplaced = state is not None and bool(self.reason)
         self.reason = self.reason or self._times.impossible()
         if self.reason:
             self.outcome = Code.INVALID
@@ -386,5 +387,5 @@ class MovingSimulation(Turns, Kind):
             worst_residual=0.0 if stepper is None else stepper.residual,
             frames=tuple(self._recorder.frames) if stepper is not None else (),
             energy_gained=self._gained,
-            notes=self._notes() if stepper is not None else (),
+            notes=self.moved_to_begin + (self._notes() if stepper is not None else ()),
         )

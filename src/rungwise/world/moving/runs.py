@@ -28,7 +28,7 @@ from rungwise.simulation.moving.processes import (
     spread,
 )
 from rungwise.simulation.options import ModelError, RunOptions, count
-from rungwise.simulation.state import Memory, State, StateError, check_state, digest
+from rungwise.simulation.state import Memory, PlaceError, State, StateError, check_state, digest
 from rungwise.simulation.threads import BUDGET, threads_of
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.find import world_of
@@ -156,7 +156,7 @@ class MovingRuns:
         sample = Sample(self.parameters, State(self.scene.template.coordinates, q, v), FOLLOWED)
         begun = self._ran(begin_samples(self._terms, [sample]), begins=False)
         if begun.faults or begun.outcome[0] == Code.INVALID:
-            raise StateError(begun.faults.get(0, "state: no run begins there"))
+            raise PlaceError(begun.faults.get(0, "state: no run begins there"))
         return self.taken_over(begun.places, self.scene, levels)
 
     def numbers(self, places: Places) -> Reals:

@@ -21,10 +21,10 @@ from rungwise.simulation.saved import Saved, moving_run
 from rungwise.world.arguments import Asked
 from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT, OBSTACLE, OTHER_SHAPES, ROBOT, Told
-from rungwise.world.description import common, heading, stated
 from rungwise.world.ingredients import Parting, evidence_of
 from rungwise.world.matching import Matched
 from rungwise.world.moving.configurations import MovingConfigurations
+from rungwise.world.moving.description import common, heading, stated
 from rungwise.world.moving.instance import MovingInstance, body_of
 from rungwise.world.moving.marks import Coordinates
 from rungwise.world.moving.place import MovingPlace

@@ -12,7 +12,7 @@ from rungwise.scene import Scene
 from rungwise.scene.fields.fields import Drive, Joint
 from rungwise.scene.fields.laws.contact import in_words, written
 from rungwise.system.planar.place import turns
-from rungwise.world.description import common, heading, stated
+from rungwise.world.moving.description import common, heading, stated
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:

@@ -20,11 +20,11 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.reasons.reasons import JAM
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
-from rungwise.simulation.state import Memory, State, StateError, digest
+from rungwise.simulation.state import Memory, PlaceError, State, StateError, digest
 from rungwise.simulation.threads import BUDGET, CHUNK, Starts, Workers
 from rungwise.world.contract import Places, Ran, Told
+from rungwise.world.nearest import Nearest
 from rungwise.world.planar.place import PlanarPlace
-from rungwise.world.planar.surroundings import PlanarSurroundings
 from rungwise.world.rolled import Ended
 from rungwise.world.run import finished
 
@@ -161,22 +161,27 @@ class PlanarRuns:
         if not here.geometry(place.q)[1][0] and given == self.parameters:
             return Places.by_hand(place.q.copy(), place.v.copy())
         memory = Memory(place.memory[0], digest(self.scene), self.model, 1.0, ())
-        for q, kept in (
-            (place.q[0], memory),
-            (PlanarSurroundings(self.scene, given).apart(place.q[0]), None),
-        ):
-            state = State(self.scene.template.coordinates, q, place.v[0], float(place.time[0]), kept)
+        own = place.q[0]
+
+        def begins(q: Reals, v: Reals) -> Places:
+            kept = memory if q is own else None
+            state = State(self.scene.template.coordinates, q, v, float(place.time[0]), kept)
             begun = self._begun(state, given)
-            if not isinstance(begun, str):
-                return begun
-        return Places.by_hand(place.q.copy(), place.v.copy())
+            if isinstance(begun, str):
+                raise PlaceError(begun)
+            return begun
+
+        try:
+            return Nearest(self.scene, given)(own, place.v[0], begins)[0]
+        except PlaceError:
+            return Places.by_hand(place.q.copy(), place.v.copy())
 
     def measured(self, q: Reals, v: Reals, levels: Reals) -> Places:
         """See `Runs.measured`."""
         given = self.parameters | dict(zip(self.scene.template.inputs, levels.tolist(), strict=True))
         begun = self._begun(State(self.scene.template.coordinates, q, v), given)
         if isinstance(begun, str):
-            raise StateError(begun)
+            raise PlaceError(begun)
         return begun
 
     def _begun(self, state: State, given: dict[str, float]) -> Places | str:

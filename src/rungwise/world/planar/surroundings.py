@@ -18,7 +18,7 @@ from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, POINT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
-from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches, apart, frame_of
+from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
 
@@ -153,11 +153,6 @@ class PlanarSurroundings:
         enough = least * (1.0 - ROUNDED)
         return way_is_clear(self._records, self._workspace, (a, b), length, least, enough, pairs)
 
-    def apart(self, q: Reals) -> Reals:
-        """The place (n,) nearest to q (n,), nearly, at which no bodies overlap; a turn counts as the way of
-        the contact that it moves most. Joints are not looked at."""
-        return apart(self, q)
-
     def loads(self, q: Reals) -> Reals:
         records, state, terms = self._records, self._workspace.state, self._workspace.terms
         state.q[:] = q
@@ -171,6 +166,9 @@ class PlanarSurroundings:
         place(records, state.q, state.placed, False)
         x, y, c, s = state.placed.pose.T
         return np.stack([x, y, np.arctan2(s, c)], axis=-1)
+
+    def centres(self, q: Reals) -> Reals:
+        return self.poses(q)[:, :2]
 
     def outline(self, body: int) -> Outline:
         if body not in self._outlines:

@@ -11,7 +11,7 @@ from rungwise.scene.fields.laws.contact import in_words, written
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.elements import equality, named
 from rungwise.scene.space.laws import touching
-from rungwise.world.description import common, heading, stated
+from rungwise.world.moving.description import common, heading, stated
 
 if TYPE_CHECKING:
     import mujoco

@@ -1,7 +1,6 @@
 """Leaps: how far a step without momentum moves bodies, and from where on it is looked at.
 
-Thresholds are chosen by trial, to a decade; docs/constants.md says what far lower and far
-higher ones do, and which tests hold them.
+Thresholds are chosen by trial, to a decade.
 """
 
 from __future__ import annotations

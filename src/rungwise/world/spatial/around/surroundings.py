@@ -229,6 +229,9 @@ class SpatialSurroundings:
         d = self._placed(q)
         return np.hstack([d.xpos, d.xquat])
 
+    def centres(self, q: Reals) -> Reals:
+        return np.array(self._placed(q).xipos)
+
     def outline(self, body: int) -> Outline:
         if body not in self._outlines:
             self._outlines[body] = surface(self._model, body)

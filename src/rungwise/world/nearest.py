@@ -1,0 +1,272 @@
+"""States that are handed over, moved to the nearest one at which a run begins.
+
+What was measured, fitted, saved or drawn overlaps a little, or leaves joints a little open. Bodies are moved
+apart and joints are closed in turn (alternating projections) until a run begins there; the run itself says
+whether it does, and nothing else. What closing joints takes back, the next turn opens in advance. How far
+bodies went is told; a state from which they would have to go farther than `FARTHEST` is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene.contract import AnyScene
+from rungwise.simulation.state import PlaceError, State
+from rungwise.world.carriers import Surroundings, Touches
+from rungwise.world.contract import OBJECT, Place
+from rungwise.world.find import world_of
+
+FARTHEST = 0.05
+"""How far a body may be moved, in parts of the size of what is moved: farther than measurements are off, and
+nearer than what a person would call another place. See `Nearest._moved`."""
+IN_TURN = 40
+"""Times that bodies are moved apart, and their joints closed, at most."""
+NEIGHBOURS = 1e-2
+"""Gap, in parts of the size, within which bodies touch each other as they were given."""
+FIRST = 1e-9
+"""Gap, in parts of the size, that is left first where a run refuses a place at which nothing seems to
+overlap; twice as much each time."""
+OPENED, BEYOND = 12, 1.01
+"""Steps in which bodies that overlap are moved apart, and how many times as far as it takes."""
+SLIGHT = 1e-3
+"""Gap, in parts of that within which contacts are closed, from which on a contact counts as open."""
+DEPENDENT = 1e-3
+"""Part of the greatest motion of contacts per change below which contacts cannot be moved by themselves."""
+YIELDS = 1e-4
+"""Regularisation where gaps cannot all be opened: squares of what is left weigh its inverse square."""
+UNMOVED = 1e-6
+"""Part of the greatest motion of a contact per change from which on another contact is moved at all: near a
+joint's axis contacts move little, but they move."""
+BESIDE = 2.0
+"""Gaps over the deepest overlap of contacts that steps do not close any more."""
+Made = TypeVar("Made")
+
+
+class Closing(NamedTuple):
+    """Contacts that are closed as well: pairs (p,) of the scene's contacts, the gaps (p,) that they are to
+    have, and how near they are, at most."""
+
+    pairs: Ints
+    gaps: Reals
+    within: float
+
+
+class Nearest:
+    """Moves places of a scene, at parameters, to where runs begin; bodies by at most the part `farthest` of
+    the size of what is moved. firm: what a change of a robot's place weighs over one of an object's."""
+
+    def __init__(
+        self, scene: AnyScene, parameters: Mapping[str, float] | None, farthest: float = FARTHEST,
+        firm: float = 1.0,
+    ) -> None:  # fmt: skip
+        self._scene, self._parameters, self._farthest, self._firm = scene, parameters, farthest, firm
+
+    @cached_property
+    def around(self) -> Surroundings | None:
+        """What touches what; None in worlds that do not say, where nothing is moved."""
+        return world_of(self._scene).surroundings(self._scene.parameters(self._parameters))
+
+    @cached_property
+    def size(self) -> float:
+        """How far the largest object reaches."""
+        return world_of(self._scene).at(self._parameters).moved.size
+
+    @cached_property
+    def _weights(self) -> Reals:
+        """How dear it is to move each velocity's coordinate (n_v,)."""
+        assert self.around is not None
+        roles = list(world_of(self._scene).roles(self._scene.parameters(self._parameters)).values())
+        return np.array([1.0 if roles[body] == OBJECT else self._firm for body in self.around.owners])
+
+    @cached_property
+    def _joints(self) -> tuple[Place, Reals, Reals]:
+        """What closes joints; how freely places and speeds (n_q + n_v,) change for it; travel (2, n_q)."""
+        world = world_of(self._scene)
+        here = world.at(self._parameters)
+        weights = here.moved.weights
+        free = np.concatenate([1.0 / np.where(weights > 0.0, weights, 1.0), np.ones(len(here.v))])
+        return world.place(self._parameters), free, here.travel
+
+    def __call__(
+        self, q: Reals, v: Reals, begins: Callable[[Reals, Reals], Made], closing: Closing | None = None
+    ) -> tuple[Made, float]:
+        """What begins at the place nearest to q (n_q,), with velocities v (n_v,), and how far a body was
+        moved for it. `begins` raises PlaceError where nothing begins; this raises it where nothing does
+        near enough."""
+        at, speeds, clear, moved, fault = q, v, 0.0, 0.0, ""
+        for turn in range(IN_TURN):
+            if turn or closing is not None:
+                if self.around is None:
+                    break
+                at, speeds = self._projected(self.around, at, speeds, clear, closing)
+                moved = self._moved(self.around, q, at)
+                if not moved <= self._farthest * self.size:
+                    break
+                deepest = -float(self.around.touches(at, 0.0).gaps.min(initial=0.0))
+                clear = clear + 2.0 * deepest if deepest > 0.0 else max(2.0 * clear, FIRST * self.size)
+            try:
+                return begins(at, speeds), moved
+            except PlaceError as error:
+                fault = fault or str(error)
+        if moved > self._farthest * self.size:
+            fault = f"{fault or 'state: overlaps'}; {self._far(moved)}, more than {self._farthest:g}"
+        raise PlaceError(fault or "state: its contacts cannot be closed")
+
+    def told(self, moved: float) -> str:
+        """That a state was moved so far, in a line."""
+        return f"state: was moved; {self._far(moved)}"
+
+    def _far(self, moved: float) -> str:
+        return (
+            f"the nearest one without overlap, with joints closed, has a body {moved:.3g} away,"
+            f" {moved / self.size:.2g} of the size"
+        )
+
+    def _projected(
+        self, around: Surroundings, q: Reals, v: Reals, clear: float, closing: Closing | None
+    ) -> tuple[Reals, Reals]:
+        """A place and velocities after one turn: bodies are apart by `clear`, then joints are closed."""
+        place, free, travel = self._joints
+        pairs, gaps, within = (None, None, 0.0) if closing is None else closing
+        opened = apart(around, q, within, pairs, self._weights, gaps, clear)
+        (closed,), (speeds,) = place.closed(opened[None], v[None], free)
+        return np.clip(closed, *travel), speeds
+
+    def _moved(self, around: Surroundings, q: Reals, to: Reals) -> float:
+        """The farthest way of a point of a body, nearly, from a place (n_q,) to another; of a body that
+        touches others, over that one of these with which it moves most: a stack is raised layer by layer."""
+        old, new, ways = around.poses(q), around.poses(to), around.centres(to) - around.centres(q)
+        if around.dimension == 2:
+            turns = np.remainder(new[:, 2] - old[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+        else:
+            turns = 2.0 * np.arccos(np.minimum(np.abs((old[:, 3:] * new[:, 3:]).sum(axis=1)), 1.0))
+        least = np.linalg.norm(ways, axis=1) + self.size * np.abs(turns)
+        names, template = list(self._scene.template.bodies), self._scene.template
+        for pair in np.unique(around.touches(q, NEIGHBOURS * self.size).pairs).tolist():
+            a, b = (names.index(name) for name in template.contacts[pair])
+            between = float(np.linalg.norm(ways[a] - ways[b])) + self.size * abs(turns[a] - turns[b])
+            least[[a, b]] = np.minimum(least[[a, b]], between)
+        return float(least.max(initial=0.0))
+
+
+def begun(scene: AnyScene, model: Rung | str, **options: Any) -> Any:
+    """A run before its first step; options are fields of `RunOptions`. One that is to begin at a state begins
+    at the nearest state that it accepts, and has a note on how far that is; where there is none it is invalid
+    and says so. Raises what the run raises."""
+    world, state = world_of(scene), options.get("state")
+    if not isinstance(state, State):
+        return world.simulation(model, **options)
+    refused: list[Any] = []
+
+    def begins(q: Reals, v: Reals) -> Any:
+        given = q is state.q and v is state.v
+        at = state if given else replace(state, q=q, v=v, memory=None)
+        made = world.simulation(model, **options | {"state": at})
+        if made.is_misplaced:
+            refused.append(made)
+            raise PlaceError(made.reason)
+        return made
+
+    nearest = Nearest(scene, options.get("parameters"))
+    try:
+        made, moved = nearest(state.q, state.v, begins)
+    except PlaceError as error:
+        if not refused:
+            raise
+        refused[0].reason = str(error)
+        return refused[0]
+    if moved:
+        made.moved_to_begin = (nearest.told(moved),)
+    return made
+
+
+def apart(
+    around: Surroundings,
+    q: Reals,
+    within: float = 0.0,
+    pairs: Ints | None = None,
+    weights: Reals | None = None,
+    expected: Reals | None = None,
+    clear: float = 0.0,
+) -> Reals:
+    """The place (n_q,) nearest to q (n_q,), nearly, at which bodies are `clear` of each other: Newton's
+    method on the gaps, with steps of least norm in which a turn counts as the way of the contact that it
+    moves most.
+
+    Of the given pairs (p,) the nearest contacts are closed besides, as many as a pair is named times, where
+    they are nearer than `within`: to the gaps (p,) that are expected of them, the nearest to the least, or
+    to 0 if none are given. weights (n_v,): how dear a change of each velocity's coordinate is, 1 if none are
+    given. Joints are not looked at."""
+    found = q.copy()
+    closed = np.zeros(0, np.int64) if pairs is None else pairs
+    to = np.zeros(len(closed)) if expected is None else np.maximum(expected, 0.0)
+    for _ in range(OPENED if len(closed) else 0):
+        touches = around.touches(found, within)
+        gaps, most = touches.gaps, _most(touches, closed, to)
+        moved = (gaps < 0.0) | (gaps > most + SLIGHT * within)
+        if not moved.any():
+            break
+        wanted = np.where(gaps < 0.0, 0.0, most)[moved] - gaps[moved]
+        found = _changed(around, found, touches.rows[moved, 0], wanted, weights)
+    for _ in range(OPENED):
+        deepest = clear - float(around.touches(found, clear).gaps.min(initial=clear))
+        if deepest <= 0.0:
+            break
+        touches = around.touches(found, clear + BESIDE * deepest)
+        if not len(touches.gaps):
+            break
+        lacks = clear - touches.gaps
+        found = _opened(around, found, touches.rows[:, 0], np.maximum(BEYOND * lacks, lacks), weights)
+    return found
+
+
+def _most(touches: Touches, closed: Ints, to: Reals) -> Reals:
+    """The greatest gaps that contacts (c,) may have: of the nearest of given pairs (p,), as many of each as
+    it is named times, these (p,) in their order; infinite of others."""
+    found = np.full(len(touches.gaps), np.inf)
+    for pair in np.unique(closed):
+        own, gaps = np.flatnonzero(touches.pairs == pair), np.sort(to[closed == pair])
+        nearest = own[np.argsort(touches.gaps[own], kind="stable")[: len(gaps)]]
+        found[nearest] = gaps[: len(nearest)]
+    return found
+
+
+def _changed(around: Surroundings, q: Reals, rows: Reals, wanted: Reals, weights: Reals | None) -> Reals:
+    """The place (n_q,) after the least change that changes gaps with these rows (k, n_v) as wanted (k,)."""
+    rows, each, units, moved = _scaled(rows, weights)
+    step = np.linalg.lstsq(rows[moved], wanted[moved] / each[moved], rcond=DEPENDENT)[0]
+    return around.changed(q, step / units)
+
+
+def _opened(around: Surroundings, q: Reals, rows: Reals, least: Reals, weights: Reals | None) -> Reals:
+    """The place (n_q,) after the least change that changes gaps with these rows (k, n_v) by at least these
+    (k,), as far as all can be: least distance programming (Lawson and Hanson 1974, chapter 23)."""
+    from scipy.optimize import nnls
+
+    rows, each, units, moved = _scaled(rows, weights)
+    size = float(np.abs(least).max())
+    rows, wanted = rows[moved], least[moved] / (size * each[moved])
+    k, n = rows.shape
+    problem = np.vstack([rows.T, YIELDS * np.eye(k), wanted])
+    left = problem @ nnls(problem, np.append(np.zeros(n + k), 1.0))[0]
+    return around.changed(q, size * left[:n] / ((1.0 - left[-1]) * units))
+
+
+def _scaled(rows: Reals, weights: Reals | None) -> tuple[Reals, Reals, Reals, NDArray[np.bool_]]:
+    """Rows (k, n_v) of gaps over their own sizes (k,) and over units (n_v,), in which a turn counts as the
+    way of the contact that it moves most; these, and which of the contacts (k,) can be moved."""
+    units = np.maximum(np.abs(rows).max(axis=0), 1.0)
+    if weights is not None:
+        units = units * weights
+    scaled = rows / units
+    sizes = np.linalg.norm(scaled, axis=1)
+    moved = sizes > UNMOVED * sizes.max()
+    return scaled / np.where(moved, sizes, 1.0)[:, None], sizes, units, moved
