@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rungwise.compilation import private
+
 HEAR = "\nfrom rungwise.compilation.progress import compiling\nprint(compiling.kernels)\n"
 CALLER = """
 from callee import grow, seldom
@@ -280,6 +282,88 @@ def test_files_of_the_cache_may_be_lost_or_cut_off(which: slice, run: Run, tmp_p
         else:
             os.truncate(file, file.stat().st_size // 2)
     assert run(USE) == ["6.0", "-8.0"]
+
+
+PLANTED = """
+import os, pickle, sys, zlib
+from pathlib import Path
+from rungwise.compilation import cache
+class Planted:
+    def __reduce__(self):
+        return open, ("planted", "w")
+for file in Path("cache").rglob("*.*"):
+    if file.is_file():
+        content = sys.argv[1].encode() if len(sys.argv) > 1 else pickle.dumps(Planted())
+        file.write_bytes(cache._sealed(file, content) + zlib.compress(content))
+"""
+
+
+@pytest.mark.parametrize("above", [0, 1])
+@pytest.mark.usefixtures("filled")
+def test_a_cache_to_which_others_may_write_is_not_read(
+    above: int, start: Callable[[str], subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    """A file with a right digest that calls what it likes, as another user may have put it there."""
+    start(PLANTED).communicate(timeout=120)
+    (tmp_path / "home").mkdir()
+    shutil.move(tmp_path / "cache", tmp_path / "home" / "cache")
+    here = (
+        f"import os\nos.environ['RUNGWISE_CACHE'] = 'home/cache'\nos.environ['TMPDIR'] = {str(tmp_path)!r}\n"
+    )
+    open_to_all = tmp_path / ("home" if above else "home/cache")
+    open_to_all.chmod(0o777)
+    out, err = start(here + USE).communicate(timeout=120)
+    assert out.split() == ["6.0", "-8.0"] and not (tmp_path / "planted").exists()
+    if not (tmp_path / f"rungwise-{os.getuid()}").exists():
+        assert f"others may write to {open_to_all}" in err and "Traceback" not in err
+    open_to_all.chmod(0o700)
+    start(here + USE).communicate(timeout=120)
+    assert (tmp_path / "planted").exists()  # so it would have been called
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("content", ["", "no pickle", "cos\nnothing\n(tR.", "I1\n."])
+@pytest.mark.usefixtures("filled")
+def test_files_with_a_right_digest_and_wrong_content_are_passed_over(
+    content: str, start: Callable[[str], subprocess.Popen[str]], run: Run
+) -> None:
+    start(PLANTED.replace("len(sys.argv) > 1", "True").replace("sys.argv[1]", repr(content))).communicate()
+    assert run(USE) == ["6.0", "-8.0"]
+
+
+@pytest.mark.usefixtures("filled")
+def test_folders_in_the_place_of_files_are_passed_over(run: Run, tmp_path: Path) -> None:
+    for file in kept(tmp_path):
+        file.unlink()
+        file.mkdir()
+    assert run(USE) == ["6.0", "-8.0"]
+
+
+def test_folders_are_private_as_keys_of_ssh_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "above" / "cache"
+    assert private.made(folder) == "" and folder.stat().st_mode & 0o777 == 0o700
+    for mode, open_ in ((0o755, False), (0o757, True), (0o1777, True), (0o700, False)):
+        folder.chmod(mode)
+        assert bool(private.open_to_others(folder)) == open_, oct(mode)
+    for mode, open_ in ((0o757, True), (0o1777, False), (0o755, False)):
+        folder.parent.chmod(mode)
+        assert bool(private.open_to_others(folder)) == open_, oct(mode)
+    folder.chmod(0o770)
+    monkeypatch.setattr(private, "_is_alone", lambda *_: True)
+    assert private.open_to_others(folder) == ""
+    monkeypatch.setattr(private, "_is_alone", lambda *_: False)
+    assert private.open_to_others(folder) == f"others may write to {folder} (chmod go-w mends it)"
+    folder.chmod(0o700)
+    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    assert private.open_to_others(folder) == f"{folder} belongs to another user"
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    assert private.open_to_others(link) == f"{folder} belongs to another user"
+
+
+def test_a_file_in_the_place_of_a_folder_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("")
+    assert "cannot be written" in private.made(tmp_path / "cache" / "below")
 
 
 def test_two_processes_may_compile_at_once(start: Callable[[str], subprocess.Popen[str]]) -> None:

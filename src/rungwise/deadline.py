@@ -97,11 +97,6 @@ class Deadline:
         left = self.seconds
         return None if left is None else left / parts
 
-    def part(self, share: float) -> Deadline:
-        """One that comes when this part of the time that is left is over."""
-        left = self.seconds
-        return Deadline.at(math.inf if left is None else self.ends - (1.0 - share) * left)
-
     @contextmanager
     def needed_for(self, what: str) -> Iterator[None]:
         """Where the deadline comes within the context, LimitError is raised: without this there is nothing to

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.deadline import TimeOver
 from rungwise.planning.lift import lift
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.motion.early_stops import Stops, best_stops
@@ -108,21 +107,6 @@ def test_a_plan_is_confirmed_at_a_tenth_of_its_error(part: float, confirmed: boo
     """A plan that holds for the error of its steps alone is none."""
     work = cast(Any, SimpleNamespace(budget=Budget()))
     assert lift._is_confirmed(work, cast(Any, Replayed(part * 1e-3, 1e-3))) is confirmed
-
-
-def test_a_replay_that_confirms_takes_a_part_of_the_time_that_is_left() -> None:
-    """After it there is time for another plan, and this one is not confirmed."""
-    budget, given = Budget(None, 100.0), list[float]()
-
-    def endless(limit: float, **_options: object) -> Any:
-        given.append(limit)
-        raise TimeOver("in a replay")
-
-    plan = cast(Any, SimpleNamespace(replay=endless, tol=1e-3))
-    assert lift._is_confirmed(cast(Any, SimpleNamespace(budget=budget)), plan) is False
-    assert given == [pytest.approx(50.0, abs=1.0)]
-    with pytest.raises(TimeOver):
-        lift._is_confirmed(cast(Any, SimpleNamespace(budget=Budget(None, 1e-9))), plan)
 
 
 def test_a_repair_of_a_plan_that_is_not_confirmed_takes_a_fifth_of_what_is_left(

@@ -65,7 +65,7 @@ def test_a_block_that_is_tipped_is_held() -> None:
     now = block_at_a_wall().file.goal
     assert now is not None
     scene = block_at_a_wall().changed(goal=f"{now} for 2")
-    plan = rw.plan(scene, to=rw.QUASISTATIC_RIGID, limit=60.0, threads=1, seed=9)
+    plan = rw.plan(scene, to=rw.QUASISTATIC_RIGID, threads=1, seed=9)
     held_at_the_end(plan, 2.0, now)
 
 

@@ -186,7 +186,7 @@ def plan_of_a_hand(seed: int) -> rw.Plan:
     data = unnamed_hand(0.8, 40).file.model_dump(mode="json", exclude_unset=True)
     data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
     data["bodies"]["disc"]["pose"]["x"] = "aside"
-    return rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed, limit=300)
+    return rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed)
 
 
 def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None:
@@ -223,9 +223,7 @@ def plan_of_four_fingers() -> rw.Plan:
     data["parameters"]["aside"] = {"default": 0.0, "range": [-1.0, 1.0]}
     data["start"]["places"] = {"ball.x": "aside"}
     parameters = {"turn": 30.0, "aligned": 0.05}
-    found = rw.plan(
-        rw.load(data), schedule=[("dynamic-compliant", 1e-2)], seed=0, parameters=parameters, limit=300
-    )
+    found = rw.plan(rw.load(data), schedule=[("dynamic-compliant", 1e-2)], seed=0, parameters=parameters)
     assert found.found, found.reason
     return found
 

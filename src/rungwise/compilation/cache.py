@@ -1,7 +1,8 @@
 """Where compiled kernels are kept: folders named by a hash of the sources that matter.
 
-A file is the digest of its own name and content, then the compressed content. A wheel may bring files
-(`make wheel`), compiled for any processor of its platform; they are looked for in the package alone.
+A file is the digest of its own name and content, then the compressed content. It is unpickled and run, so
+only folders are used that nobody but the user may change (`private`). A wheel may bring files (`make wheel`),
+compiled for any processor of its platform; they are looked for in the package alone.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from rungwise.compilation import private
 from rungwise.compilation.entries import entry_name
 from rungwise.compilation.progress import compiling
 
@@ -40,21 +42,23 @@ _COMPILER = ("rungwise.compilation.calls", "rungwise.compilation.blocks")
 _IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 
-@cache
 def cache_folder(module: str) -> Path:
-    """Folder of the compiled code of exactly these sources of `module`; made when missing.
+    """Folder of the compiled code of exactly these sources of `module`."""
+    return _root() / _version(module)
 
-    Falls back to the temporary folder where the user's cache cannot be written.
-    """
+
+@cache
+def _root() -> Path:
+    """The first of the folders for kernels that nobody but the user may change; one of this process alone,
+    which is told, where there is none."""
+    faults = []
     for root in _roots():
-        folder = root / _version(module)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                return folder
-        except OSError:
-            continue
-    return Path(tempfile.mkdtemp(prefix="rungwise-"))
+        fault = private.made(root)
+        if not fault:
+            return root
+        faults.append(fault)
+    compiling.tell(f"rungwise: compiled kernels are kept for this process alone: {'; '.join(faults)}")
+    return private.of_process()
 
 
 @cache
@@ -119,7 +123,7 @@ def _file(module: str) -> Path | None:
 def _read(file: Path) -> bytes | None:
     """Content of a file of the cache; None where it is missing, damaged or written under another name."""
     try:
-        kept = file.read_bytes()
+        kept = file.read_bytes() if file.is_file() else b""
         content = zlib.decompress(kept[_DIGEST_BYTES:])
     except (OSError, zlib.error):
         return None
@@ -160,7 +164,9 @@ class KernelCache(_Cache):
             target.refresh()  # starts numba's memory manager, and loads all that compilation needs
         for file in self._files(signature, target):
             content = _read(file)
-            if content is not None:
+            if content is None:
+                continue
+            with suppress(Exception):  # what a damaged pickle raises may be anything
                 return CompileResult._rebuild(target, *pickle.loads(content))
         compiling.begin()
         return None
@@ -177,6 +183,7 @@ class KernelCache(_Cache):
         content = dumps(((name, how, (code, bitcode)), *others))
         draft = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
         with suppress(OSError):
+            file.parent.mkdir(mode=0o700, exist_ok=True)
             draft.write_bytes(_sealed(file, content) + zlib.compress(content))
             draft.replace(file)
 

@@ -78,7 +78,7 @@ def drawn(seed: int, count: int) -> list[tuple[float, float]]:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_lies_loose_is_pushed_aside(shape: str, count: int, seed: int) -> None:
     scene = among(drawn(seed, count), shape)
-    plan = rw.plan(scene, schedule="direct", seed=seed, limit=60, budget=None)
+    plan = rw.plan(scene, schedule="direct", seed=seed)
     assert plan.found, plan.reason
     run = plan.replay("dynamic-compliant", tol=0.1 * plan.tol)
     assert run.outcome.code == rw.Code.GOAL
@@ -100,6 +100,6 @@ def test_rest_of_many_objects_is_a_condition(count: int) -> None:
     """As robots wait for it where objects still move."""
     scene = among([(0.2 + 0.03 * k, 0.0) for k in range(count)], "disc")
     run = rw.simulate(
-        scene, "quasistatic-rigid", inputs=[rw.Segment({"x": -0.06}, 1.0, task_of(scene).at_rest)], limit=20
+        scene, "quasistatic-rigid", inputs=[rw.Segment({"x": -0.06}, 1.0, task_of(scene).at_rest)]
     )
     assert run.outcome == rw.Outcome.MISSED

@@ -159,7 +159,7 @@ def test_a_box_goes_over_a_wall_that_reaches_across_the_floor(tmp_path: Path, hi
 @pytest.mark.parametrize(("turn", "seed"), [*((1.0, seed) for seed in range(5)), (1.57, 0), (-0.8, 1)])
 def test_two_palms_lift_a_box_over_a_wall_and_set_it_down_turned(turn: float, seed: int) -> None:
     """Also at a hundredth of the error per step: the box does not slip out of the palms."""
-    plan = rw.plan("palm_lift", schedule="direct", seed=seed, parameters={"turn": turn}, limit=300)
+    plan = rw.plan("palm_lift", schedule="direct", seed=seed, parameters={"turn": turn})
     assert plan.found, plan.reason
     names = list(plan.scene.template.coordinates)
     x, z = names.index("box.x"), names.index("box.z")

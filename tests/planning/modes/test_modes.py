@@ -253,7 +253,7 @@ def test_a_finger_goes_with_the_outline_as_the_block_turns() -> None:
 def test_a_block_is_tipped_about_a_wall(seed: int) -> None:
     """The plan is found, holds on the dynamic rung as well, and the same seed gives the same plan."""
     scene = block_at_a_wall()
-    found = rw.plan(scene, seed=seed, limit=60.0, budget=None)
+    found = rw.plan(scene, seed=seed)
     assert found.found, found.reason
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
     assert found.replay("quasistatic-rigid").outcome == rw.Outcome.GOAL
@@ -281,7 +281,7 @@ OVER_TIME = {
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_a_disc_is_rolled_along_a_floor_to_rest(seed: int) -> None:
     """Its angle may be any, and servos that come nearer ever more slowly are waited for."""
-    found = rw.plan(disc_on_a_floor(), seed=seed, limit=60.0, budget=None)
+    found = rw.plan(disc_on_a_floor(), seed=seed)
     assert found.found, found.reason
     run = found.replay(tol=0.1 * found.tol)
     assert run.outcome == rw.Outcome.GOAL
@@ -422,7 +422,7 @@ def test_two_objects_are_led_one_after_the_other() -> None:
 
 
 def test_saved_plans_are_read_again(tmp_path: Any) -> None:
-    found = rw.plan(block_at_a_wall(), to="quasistatic-rigid", seed=7, limit=60.0, budget=None)
+    found = rw.plan(block_at_a_wall(), to="quasistatic-rigid", seed=7)
     again = rw.load_plan(found.save(tmp_path / "plan.json"))
     assert again.segments == found.segments
     assert Counter(again.labels) == Counter(found.labels)

@@ -53,7 +53,7 @@ def test_the_tee_lies_on_the_table_at_its_goal_and_on_its_way_past_the_post(pand
 
 @pytest.mark.long
 def test_the_tee_is_pushed_to_its_pose_and_a_policy_corrects_where_it_begins(panda: Any) -> None:
-    plan = rw.plan(panda, schedule="direct", seed=0, limit=300)
+    plan = rw.plan(panda, schedule="direct", seed=0)
     assert plan.found, plan.reason
     policy, start = plan.policy(), rw.State.of(panda)
     first = policy(replace(start, q=start.q + 0.005 * (np.array(start.names) == "tee.x")))

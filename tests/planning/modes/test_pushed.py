@@ -113,7 +113,7 @@ def test_both_boxes_of_a_push_come_to_their_goals(robots: str, near: tuple[float
     own = f"hypot(near.x - {near[0]}, near.y - {near[1]}) <= 0.02"
     data["goal"] = f"hypot(far.x - 0.2, far.y) <= 0.015 and {own}"
     data["task"]["moves"] = [1, 12]
-    found = rw.plan(rw.load(data), seed=seed, limit=180.0, budget=None)
+    found = rw.plan(rw.load(data), seed=seed)
     assert found.found, found.reason
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
 
@@ -153,6 +153,6 @@ def test_a_push_through_another_box_on_a_floor_is_balanced() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 def test_a_box_pushes_another_along_a_floor(seed: int) -> None:
-    found = rw.plan(on_a_floor(), seed=seed, limit=90.0, budget=None)
+    found = rw.plan(on_a_floor(), seed=seed)
     assert found.found, found.reason
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL

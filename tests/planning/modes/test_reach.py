@@ -109,7 +109,7 @@ def at_the_goal(scene: Any, seed: int = 0) -> tuple[Room, list[Reals]]:
     ids=["a peg in a hole", "a lamp is touched", "a pose in the air"],
 )
 def test_a_body_of_a_robot_comes_to_where_a_goal_asks_for_it(gantry: Any, goal: str, enters: bool) -> None:
-    found = rw.plan(gantry(goal), seed=0, limit=120)
+    found = rw.plan(gantry(goal), seed=0)
     assert found.found, found.reason
     assert (moves.ENTER in found.labels) == enters
     assert found.labels[0] == moves.FREE
@@ -117,7 +117,7 @@ def test_a_body_of_a_robot_comes_to_where_a_goal_asks_for_it(gantry: Any, goal: 
 
 
 def test_arms_turn_at_half_of_their_rates_and_go_on_beyond_the_goal(gantry: Any) -> None:
-    found = rw.plan(gantry(HOLE), seed=0, limit=120)
+    found = rw.plan(gantry(HOLE), seed=0)
     last = found.segments[-1].inputs["z_to"]
     weight = 0.4 * 9.81 / 2000.0
     depth = -found.waypoints[-1][2]
@@ -133,7 +133,7 @@ def test_arms_turn_at_half_of_their_rates_and_go_on_beyond_the_goal(gantry: Any)
 
 
 def test_a_goal_that_no_joint_can_meet_is_said_in_a_line(gantry: Any) -> None:
-    found = rw.plan(gantry("at(peg, x) >= 2"), seed=0, limit=60)
+    found = rw.plan(gantry("at(peg, x) >= 2"), seed=0)
     assert not found.found and "these terms fail: at(peg, x) >= 2" in found.reason
 
 
@@ -265,7 +265,7 @@ def test_entries_are_tried_slowly_shifted_and_tilted(gantry: Any) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_an_arm_brings_a_peg_into_a_hole_that_is_elsewhere(seed: int) -> None:
-    found = rw.plan("peg_arm", seed=seed, limit=300)
+    found = rw.plan("peg_arm", seed=seed)
     assert found.found, found.reason
     assert rw.verify(found, samples=10).successes >= 8
 

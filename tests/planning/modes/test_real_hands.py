@@ -63,5 +63,5 @@ def test_a_hand_whose_last_joints_only_tendons_hold_has_five_fingers() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 def test_such_a_hand_turns_a_ball(seed: int) -> None:
-    found = rw.plan(DATA / "shadow_ball.yaml", seed=seed, limit=240)
+    found = rw.plan(DATA / "shadow_ball.yaml", seed=seed)
     assert found.found, found.reason

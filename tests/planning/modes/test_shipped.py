@@ -61,4 +61,4 @@ def test_fingers_are_placed_on_any_number_of_pairs_of_opposite_places(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(tried, "PAIRS", 23)
-    assert rw.plan("card", limit=60.0).found
+    assert rw.plan("card").found

@@ -264,7 +264,7 @@ def test_two_fingers_lead_a_box_on_a_floor_and_three_hold_one_above_it(tmp_path:
     ],
 )
 def test_a_scene_with_fingers_in_space_is_planned_and_holds_at_a_tenth_of_the_error(name: str) -> None:
-    plan = rw.plan(name, seed=0, limit=300)
+    plan = rw.plan(name, seed=0)
     assert plan.found, plan.reason
     assert plan.stage is not None and plan.stage.model is rw.DYNAMIC_COMPLIANT
     assert {"touch", "follow"} <= set(plan.labels)
@@ -275,7 +275,7 @@ def test_a_scene_with_fingers_in_space_is_planned_and_holds_at_a_tenth_of_the_er
 def test_three_fingers_lift_and_turn_a_ball(tmp_path: Path) -> None:
     goal = "object.z >= 0.08 and abs(angle_about(object, z) - 0.6) <= 0.1"
     ball = '<geom name="object" size=".05" mass=".2"/>'
-    plan = rw.plan(fingers(tmp_path, 3, goal, ball, 0.05), seed=0, limit=300)
+    plan = rw.plan(fingers(tmp_path, 3, goal, ball, 0.05), seed=0)
     assert plan.found, plan.reason
     assert plan.replay(tol=0.1 * plan.tol).outcome == rw.Outcome.GOAL
 

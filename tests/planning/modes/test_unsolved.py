@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import rungwise as rw
-from rungwise.deadline import TimeOver, clock
+from rungwise.deadline import TimeOver
 from rungwise.planning.modes.planner import mode_planner
 from rungwise.planning.motion.budget import Budget, Stage
 from rungwise.planning.search.problem import begin, known
@@ -21,8 +21,7 @@ PLUG = {
     "role": "obstacle", "shape": {"kind": "box", "width": 0.02, "height": 0.17},
     "pose": {"x": 0.15, "y": 0.0},
 }  # fmt: skip
-LIMIT = 3.0
-"""Seconds."""
+BUDGET = 30_000
 
 
 def changed(name: str, **changes: Any) -> rw.Scene:
@@ -50,9 +49,7 @@ def changed(name: str, **changes: Any) -> rw.Scene:
     ids=["heavy", "weak", "closed", "in a wall", "slippery"],
 )
 def test_what_is_in_the_way_is_named(name: str, changes: dict[str, Any], said: str) -> None:
-    began = clock()
-    plan = rw.plan(changed(name, **changes), seed=0, budget=None, limit=LIMIT)
-    assert clock() - began < LIMIT + 5.0
+    plan = rw.plan(changed(name, **changes), seed=0, budget=BUDGET)
     assert not plan.found and said in plan.reason
     assert "lacks 0 " not in plan.reason
 

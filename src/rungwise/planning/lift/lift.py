@@ -45,11 +45,11 @@ from rungwise.world.carriers import TaskError
 TENTH = 0.1
 """How much finer the replay is that confirms a plan."""
 SHARE, SLOWLY, COARSELY, TURNS = 0.1, 0.4, 0.5, 3
-"""Parts of the steps and of the time left that may be spent in one turn: on a stage of another rung than the
+"""Parts of the steps left that may be spent in one turn: on a stage of another rung than the
 last; on all of these where robots push slowly, for then they predict what the last one does; on a coarse
 stage of the last rung; and in how many turns all is spent where nothing comes to the last stage."""
-CONFIRMING, MENDING = 0.5, 0.2
-"""Parts of what is left that the replay which confirms a plan may take, and the repair of one that is not."""
+MENDING = 0.2
+"""Part of the steps left that the repair of a plan may take which its replay does not confirm."""
 UNCONFIRMED = "not confirmed by a replay at a tenth of its accuracy"
 INTERRUPTED = "interrupted"
 """How the reason of a plan begins whose search was interrupted."""
@@ -159,7 +159,7 @@ def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[s
     ended by itself without a step."""
     best, last = begun, chosen[-1]
     for turn in itertools.count():
-        spent, cut = work.budget.spent.total(), work.budget.cut
+        spent = work.budget.spent.total()
         own = (
             begun
             if turn == 0
@@ -172,7 +172,7 @@ def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[s
         if (
             (best.found and _has_come(best, last))
             or not work.budget.left
-            or (work.budget.spent.total() == spent and work.budget.cut == cut)
+            or work.budget.spent.total() == spent
         ):
             break
     if best.stage is None and work.budget.is_in_time():
@@ -222,7 +222,7 @@ def _one_turn(
 
 
 def _share(work: Work, stage: Stage, moving: Sequence[Stage], turn: int) -> float:
-    """The part of the steps and of the time left that a stage may take in a turn."""
+    """The part of the steps left that a stage may take in a turn."""
     if not stage.model.moves:
         return 1.0
     last = moving[-1]
@@ -371,15 +371,9 @@ def _confirmed(work: Work, found: Plan, last: Stage) -> Plan:
 
 
 def _is_confirmed(work: Work, plan: Plan) -> bool:
-    """Whether the replay at a tenth of the accuracy comes to the goal, in a part of the time that is left.
-    Raises TimeOver where none is."""
+    """Whether the replay at a tenth of the accuracy comes to the goal. Raises TimeOver."""
     budget = work.budget
-    try:
-        with budget.part(CONFIRMING):
-            run = plan.replay(tol=TENTH * plan.tol, limit=budget.seconds, on_progress=budget.look)
-    except TimeOver:
-        budget.look()
-        return False
+    run = plan.replay(tol=TENTH * plan.tol, limit=budget.seconds, on_progress=budget.look)
     if run.outcome.code == Code.RUNNING:
         budget.look()
     return bool(run.outcome.code == Code.GOAL)

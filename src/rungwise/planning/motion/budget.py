@@ -1,8 +1,10 @@
-"""What a search may spend: simulated steps, counted by stage, and time."""
+"""What a search may spend: simulated steps, counted by stage.
+
+Its parts are parts of these steps, so that a search does the same on any machine; time only ends it.
+"""
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -20,7 +22,7 @@ from rungwise.simulation.turns import TURN_S
 SLOW = "too many steps"
 """What is said of moves that take more steps than a search waits for."""
 UNBOUNDED = 1_250_000
-"""Steps of which stages take their parts where a search has no bounds."""
+"""Steps of which stages take their parts where a search has no bound."""
 TOLD, OPEN = 6, 0.6
 """Moves after which a stage may be given up, and the part of them that then ends without a verdict."""
 WITHOUT_VERDICT = (Code.UNSUPPORTED, Code.MODEL_INVALID, Code.INVALID, Code.NOT_CONVERGED)
@@ -41,13 +43,11 @@ class Stage:
 
 class Budget:
     """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
-    more, and time is left of `limit` seconds; `cut`: how many parts of it ended by the time. `tell` is called
-    about ten times a second while runs go on."""
+    more, and time is left of `limit` seconds. `tell` is called about ten times a second while runs go on."""
 
     def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
         self.end = Deadline(seconds(limit))
-        self.cut = 0
         self._moves, self._open = Counter[str](), Counter[str]()
         self._given_up = ""
         self.tell: Callable[[], None] = _nothing
@@ -78,19 +78,16 @@ class Budget:
 
     @contextmanager
     def part(self, share: float, giving_up: Stage | None = None) -> Iterator[None]:
-        """Allow only this part of the steps and of the time that are left, until the end of the context; of
-        `UNBOUNDED` steps where neither is bounded, so that all stages have their turns; and no more where
-        most moves on a stage that may be given up end without a verdict."""
-        most, end, spent, given_up = self.most, self.end, self.spent.total(), self._given_up
+        """Allow only this part of the steps that are left, until the end of the context, of `UNBOUNDED` ones
+        where they have no bound, so that all stages have their turns; and no more where most moves on a stage
+        that may be given up end without a verdict."""
+        most, spent, given_up = self.most, self.spent.total(), self._given_up
         self._given_up = given_up if giving_up is None else str(giving_up)
-        if most is not None or end.ends == math.inf:
-            self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
-        self.end = end.part(share)
+        self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
         try:
             yield
         finally:
-            self.cut += not self.is_in_time()
-            self.most, self.end, self._given_up = most, end, given_up
+            self.most, self._given_up = most, given_up
 
     @property
     def deadline(self) -> Deadline:
