@@ -3,6 +3,8 @@
 #   make demo     run the two-finger example on the ladder of models; table, runs and figure in out/
 #   make test     lint, compile the kernels, run the tests
 #   make long     run the tests that take long: more members of each class, longer runs, larger scenes
+#   make pages    run what README, pages and examples show, and compare what it prints
+#   make elsewhere    run the tests as on other processors; some of them: make elsewhere TESTS="tests/planning tests/sets"
 #   make bench    run the benchmarks
 #   make mutants  put deliberate faults into a copy one by one; say which of them the nearest tests miss
 #   make wheel    build a wheel in dist/ that brings its kernels, compiled for any processor of this platform
@@ -29,23 +31,41 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test long runs problems bench mutants wheel docs clean lint format
+.PHONY: demo test long pages elsewhere kernels runs solvers bench mutants wheel docs clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
 
 # Kernels are compiled and cached once, by two processes, before tests need them in parallel.
 test: $(INSTALLED_DEV)
-	$(MAKE) --jobs 2 runs problems
+	$(MAKE) --jobs 2 runs lint solvers
 	$(BIN)/python -m pytest -n 2
 
 long: $(INSTALLED_DEV)
 	$(BIN)/python -m pytest -n 2 -m long
 
+pages: $(INSTALLED_DEV)
+	$(BIN)/python -m pytest -n 2 -m 'pages and not long'
+
+# The kernels of BLAS that other processors take, where this one can run them; and our kernels for any processor.
+BLAS := $(if $(filter x86_64,$(shell uname -m)),Prescott Haswell $(shell grep -qw avx512f /proc/cpuinfo && echo SkylakeX))
+ANY_PROCESSOR := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
+
+elsewhere: $(BLAS:%=with-%) with-any-processor
+
+with-any-processor: $(INSTALLED_DEV)
+	$(ANY_PROCESSOR) $(MAKE) --jobs 2 kernels
+	$(ANY_PROCESSOR) $(BIN)/python -m pytest -n 2 $(TESTS)
+
+with-%: $(INSTALLED_DEV)
+	OPENBLAS_CORETYPE=$* $(BIN)/python -m pytest -n 2 $(TESTS)
+
+kernels: runs solvers
+
 runs: $(INSTALLED_DEV)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation runs
 
-problems: lint
+solvers: $(INSTALLED_DEV)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation problems space
 
 bench: $(INSTALLED)

@@ -121,6 +121,7 @@ def test_schema(rungwise: Command) -> None:
     assert {"name", "bodies", "goal"} <= set(rw.schema()["properties"])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", rw.shipped())
 def test_check(rungwise: Command, name: str) -> None:
     answer = rungwise("check", name, "--json")
@@ -244,7 +245,7 @@ WRONG += [
 ]
 
 
-@pytest.mark.few(120)
+@pytest.mark.few(9)
 @pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])
 @pytest.mark.parametrize(("arguments", "words"), WRONG, ids=lambda x: ascii(" ".join(map(str, x))[:60]))
 def test_wrong_use(
@@ -259,6 +260,7 @@ def test_help_is_no_error(rungwise: Command) -> None:
         assert answer.code == 0 and answer.err == "" and "Usage" in answer.out
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("code", "unwanted"),
     [("import rungwise.cli", {"numba", "scipy", "pydantic"}), ("rw.load('two_finger')", {"scipy.optimize"})],
@@ -424,6 +426,7 @@ def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [blocked]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("wrong", ["--model zzz", "--set zzz=1", "--theta 7", "--step 0", "--set travel=0.1"])
 def test_out_is_left_alone_when_there_is_nothing_to_write(
     rungwise: Command, tmp_path: Path, wrong: str
@@ -469,6 +472,7 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     assert rw.load_run(folder).time == report["time"]
 
 
+@pytest.mark.long
 def test_interrupted_search_keeps_the_plan_of_the_stage_before(tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     # The second stage waits for the signal.
@@ -522,6 +526,7 @@ def test_output_that_cannot_be_written() -> None:
 SETS = ("sets", "two_finger", "--model", "quasistatic-rigid", "--over", "v1=0.2:2.2,v2=0.2:2.2")
 
 
+@pytest.mark.long
 def test_sets_answers_and_keeps(rungwise: Command, tmp_path: Path) -> None:
     answer = rungwise(*SETS, "--tol", 0.02, "--certify", 200, "--out", tmp_path, "--threads", 1, "--json")
     assert answer.code == 0
@@ -541,6 +546,7 @@ def test_sets_answers_and_keeps(rungwise: Command, tmp_path: Path) -> None:
     assert rungwise(*SETS, "--tol", 0.1, "--out", tmp_path, "--force").code == 0
 
 
+@pytest.mark.long
 def test_sets_as_files(rungwise: Command, tmp_path: Path) -> None:
     files = ("--csv", tmp_path / "a.csv", "--mesh", tmp_path / "b.obj", "--html", tmp_path / "c.html")
     one = rungwise(*SETS, "--tol", 0.05, *files, "--json")
@@ -563,6 +569,7 @@ def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
     assert "dynamic-rigid -> dynamic-compliant: loses" in answer.out
 
 
+@pytest.mark.long
 def test_sets_of_all_motions(rungwise: Command, tmp_path: Path) -> None:
     arguments = ("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.3:3", "--solutions", "all")
     answer = rungwise(*arguments, "--out", tmp_path, "--json")
@@ -578,6 +585,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
     assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -601,6 +609,7 @@ def test_sets_refuses_wrong_input(
     refused(rungwise("sets", "two_finger", "--model", "kinematic", *arguments), *words)
 
 
+@pytest.mark.long
 def test_doomed_states(rungwise: Command, tmp_path: Path) -> None:
     arguments = (
         "doomed", "two_finger", "--model", "kinematic", "--over", "x1,x2,x3=-1.6:1.6",
@@ -643,6 +652,7 @@ WRONG_SCHEDULES = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("text", WRONG_SCHEDULES)
 def test_wrong_schedules_are_one_line(rungwise: Command, tmp_path: Path, text: str) -> None:
     path = tmp_path / "inputs.yaml"
@@ -749,6 +759,7 @@ def test_a_search_without_a_plan_leaves_no_file_that_blocks_the_next(
     assert rungwise(*search).code == 0 and rw.load_plan(file).found
 
 
+@pytest.mark.long
 def test_resume_refuses_a_folder_of_other_things(rungwise: Command, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("kept")
     fit = ("fit", "push", "--model", "kinematic", "--data", tmp_path / "notes.txt", "--over", "mu")
@@ -822,6 +833,7 @@ def test_each_command_that_can_take_long_has_one_limit() -> None:
     assert helps.keys() >= WORK.keys() and len(set(helps.values())) == 1
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", WORK)
 def test_a_command_without_time_says_so(name: str, rungwise: Command, tmp_path: Path) -> None:
     """In one line where there is nothing to tell; none has a positive answer but pictures."""
@@ -842,7 +854,7 @@ def completed(words: str) -> list[str]:
     return told.stdout.split()
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
@@ -860,6 +872,7 @@ def test_shells_complete_scenes_rungs_and_parameters(words: str, offered: list[s
     assert completed(words) == offered
 
 
+@pytest.mark.long
 def test_shells_complete_parameters_of_the_scene_that_is_named_before() -> None:
     assert completed("rungwise sim two_finger --model kinematic --set sti") == ["stiffness"]
 

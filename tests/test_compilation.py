@@ -264,6 +264,7 @@ def test_the_next_process_compiles_nothing(first: tuple[list[str], Path], run: R
     assert run(USE + HEAR) == ["6.0", "-8.0", "0"]
 
 
+@pytest.mark.long
 def test_what_never_runs_is_never_compiled(first: tuple[list[str], Path], run: Run, tmp_path: Path) -> None:
     run(USE.replace(", outer(x, False)", ""))
     assert not any("seldom" in file.name for file in kept(tmp_path))
@@ -298,6 +299,7 @@ for file in Path("cache").rglob("*.*"):
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("above", [0, 1])
 @pytest.mark.usefixtures("filled")
 def test_a_cache_to_which_others_may_write_is_not_read(
@@ -321,7 +323,7 @@ def test_a_cache_to_which_others_may_write_is_not_read(
     assert (tmp_path / "planted").exists()  # so it would have been called
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("content", ["", "no pickle", "cos\nnothing\n(tR.", "I1\n."])
 @pytest.mark.usefixtures("filled")
 def test_files_with_a_right_digest_and_wrong_content_are_passed_over(
@@ -331,6 +333,7 @@ def test_files_with_a_right_digest_and_wrong_content_are_passed_over(
     assert run(USE) == ["6.0", "-8.0"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("filled")
 def test_folders_in_the_place_of_files_are_passed_over(run: Run, tmp_path: Path) -> None:
     for file in kept(tmp_path):
@@ -366,12 +369,13 @@ def test_a_file_in_the_place_of_a_folder_is_one_line(tmp_path: Path) -> None:
     assert "cannot be written" in private.made(tmp_path / "cache" / "below")
 
 
+@pytest.mark.long
 def test_two_processes_may_compile_at_once(start: Callable[[str], subprocess.Popen[str]]) -> None:
     both = [start(USE) for _ in range(2)]
     assert [process.communicate(timeout=120)[0].split() for process in both] == [["6.0", "-8.0"]] * 2
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("files", [1, 0, 2])
 def test_a_kill_in_the_middle_harms_nothing(
     files: int, start: Callable[[str], subprocess.Popen[str]], run: Run, tmp_path: Path
@@ -385,21 +389,25 @@ def test_a_kill_in_the_middle_harms_nothing(
     assert run(USE) == ["6.0", "-8.0"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("filled")
 def test_an_edited_callee_is_compiled_again(run: Run, tmp_path: Path) -> None:
     (tmp_path / "callee.py").write_text(CALLEE.replace("FACTOR = 2.0", "FACTOR = 3.0"))
     assert run(USE) == ["9.0", "-27.0"]
 
 
+@pytest.mark.long
 def test_a_rare_path_is_first_needed_in_many_threads(run: Run) -> None:
     for _ in range(2):
         assert run(THREADS) == [str(-4.0 * (1.0 + k)) for k in range(8)]
 
 
+@pytest.mark.long
 def test_an_interrupt_while_compiling_is_an_interrupt_of_the_call(run: Run) -> None:
     assert run(STOPPED) == ["-4.0"]
 
 
+@pytest.mark.long
 def test_an_interrupt_before_linking_begins_is_one_of_the_call(
     start: Callable[[str], subprocess.Popen[str]], tmp_path: Path
 ) -> None:
@@ -409,6 +417,7 @@ def test_an_interrupt_before_linking_begins_is_one_of_the_call(
     assert "Error" not in err and "Exception" not in err, err
 
 
+@pytest.mark.long
 def test_the_command_line_raises_an_interrupt_when_the_kernel_is_loaded(run: Run) -> None:
     loaded = [
         word
@@ -418,6 +427,7 @@ def test_the_command_line_raises_an_interrupt_when_the_kernel_is_loaded(run: Run
     assert run(PUT_OFF) == loaded
 
 
+@pytest.mark.long
 def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> None:
     hurry = "import rungwise.compilation.progress as p\np.compiling._next = p.SHORT_S = 1e-9\n"
     _, err = start(hurry + USE).communicate(timeout=120)
@@ -461,6 +471,7 @@ def shipped(for_any_processor: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(for_any_processor, tmp_path / "shipped"))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("shipped")
 def test_kernels_of_a_wheel_are_not_compiled_again(run: Run, tmp_path: Path) -> None:
     assert run(AS_FROM_A_WHEEL + USE + HEAR) == ["6.0", "-8.0", "0"]
@@ -479,7 +490,7 @@ def _swap(file: Path) -> None:
         other.write_bytes(file.read_bytes())
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("harm", [_flip, _swap, Path.unlink, lambda file: os.truncate(file, 40)])
 def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
     harm: Callable[[Path], None], run: Run, shipped: Path
@@ -491,6 +502,7 @@ def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
     assert said == ["6.0", "-8.0"] and int(compiled) == (len(files) - 1 if harm is _swap else len(files))
 
 
+@pytest.mark.long
 def test_kernels_hand_over_arrays_of_all_kinds(run: Run, tmp_path: Path) -> None:
     (tmp_path / "many.py").write_text(MANY)
     assert run(HANDED) == ["alike"] * 3

@@ -287,6 +287,7 @@ def test_each_call_with_a_limit_is_tried_without_time() -> None:
     assert set(CALLS) == LIMITED
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", CALLS)
 def test_a_call_without_time_says_so(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     call, says = CALLS[name]
@@ -351,7 +352,7 @@ def test_a_comparison_keeps_what_is_measured(
     assert np.isfinite(found.until).all()
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("looks", [10, 20, 40, 60])
 def test_a_diagnosis_keeps_the_changes_that_were_tried(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {"inputs": PUSHES, "tol": 1e-8, "other_parameters": {"mu": 0.9, "mass": 3.0}}

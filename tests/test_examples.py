@@ -20,6 +20,8 @@ from rungwise import deadline
 from rungwise.world.find import world_of
 from tests.pages import same
 
+pytestmark = pytest.mark.pages
+
 ROOT = Path(__file__).parent.parent
 Patch, Printed = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 

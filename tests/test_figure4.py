@@ -10,6 +10,8 @@ import pytest
 
 import rungwise as rw
 
+pytestmark = pytest.mark.pages
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 

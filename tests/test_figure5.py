@@ -11,6 +11,8 @@ import pytest
 import rungwise as rw
 from tests.pages import ROOT, same
 
+pytestmark = pytest.mark.pages
+
 FRICTION = np.array([0.0, 0.3, 0.6, 0.8, 0.9])
 
 

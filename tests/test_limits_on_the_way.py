@@ -99,7 +99,7 @@ WAYS: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], bool]]] = {
 """Calls, and whether what one gives with a limit is right beside what it gives without one."""
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("looks", [1, 3, 10, 40])
 @pytest.mark.parametrize("name", WAYS)
 def test_a_limit_on_the_way_leaves_the_whole_or_says_so(

@@ -23,6 +23,8 @@ import rungwise.gym
 from rungwise.cli import app
 from tests.pages import ROOT, Block, blocks, same
 
+pytestmark = pytest.mark.pages
+
 NOTEBOOKS = ROOT / "docs" / "notebooks"
 MARK = "-- next block --"
 

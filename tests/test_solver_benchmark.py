@@ -50,6 +50,7 @@ def test_boxes_rest_under_their_weight(module: Any) -> None:
         assert abs(found.v).max() <= 1e-6 * boxes.GRAVITY * boxes.STEP
 
 
+@pytest.mark.long
 def test_prints_a_table_and_goes_on_from_its_rows(
     module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,6 +107,7 @@ def test_summary_counts_only_rows_at_the_same_residual(module: Any) -> None:
     ]
 
 
+@pytest.mark.long
 def test_preparation_is_counted_as_we_pay_it(module: Any) -> None:
     """Compiled where all of a solve is: nothing for what is given as it is."""
     times, boxes = module("solver_times"), module("assemblies")

@@ -45,6 +45,7 @@ LARGE = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name in LARGE else name for name in HARD]
 )
@@ -66,7 +67,7 @@ def leaning(boxes: int, push: float, ratio: float) -> tuple[rw.Problem, float]:
     return problem, far
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_stacks_that_stand_below_far_heavier_boxes_are_at_rest(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -107,6 +108,7 @@ def test_islands_are_found_and_solved_as_one_problem() -> None:
         assert judge(problem, scaled(problem), own).worst <= 1e-6
 
 
+@pytest.mark.long
 def test_gaps_of_rounding_size_demand_nothing() -> None:
     """Balls that touch but for the last digit, falling: their velocities are eliminated all the same."""
     exact = assemblies.balls(12, 2, 0.5, 3.0)
@@ -119,6 +121,7 @@ def test_gaps_of_rounding_size_demand_nothing() -> None:
     np.testing.assert_allclose(found.v, rw.solve(exact).v, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("without", [1, 30])
 def test_an_island_without_solution_leaves_none_to_the_whole(without: int) -> None:
     """Mode by mode the first three have none; all of them are too many to divide together."""

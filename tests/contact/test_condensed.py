@@ -25,7 +25,7 @@ def system() -> System:
     return scaled(assemblies.balls(260, 6, 0.3))
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("dense", [False, True])
 def test_the_condensed_solution_is_that_of_the_whole_matrix(system: System, dense: bool) -> None:
     parts = system.condensed
@@ -44,6 +44,7 @@ def test_the_condensed_solution_is_that_of_the_whole_matrix(system: System, dens
     assert made.sign == np.linalg.slogdet(whole.toarray())[0]
 
 
+@pytest.mark.long
 def test_factors_of_many_bodies_stay_sparse(system: System) -> None:
     """Each touches few others: less than half of the entries that any pivots leave."""
     parts = system.condensed

@@ -186,6 +186,7 @@ DAMAGE: dict[str, Callable[[np.ndarray], object]] = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("form", ["local", "global", "step"])
 def test_a_damaged_fclib_file_is_refused_by_field(tmp_path: Path, form: str) -> None:
     import h5py

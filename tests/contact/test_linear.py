@@ -14,6 +14,7 @@ from rungwise.contact.least_degree import Pattern, eliminate, join
 from rungwise.contact.linear import factorise, solve_in_place, substitute, substitute_many
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("size", [1, 2, 5, 17])
 def test_all_solve_regular_systems(size):
     """With zeros, and a diagonal that calls for exchanges."""
@@ -42,6 +43,7 @@ def test_singular_systems_are_noticed():
     assert not factorise(a[:, :2].copy(), 2, np.zeros(2, np.int64))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("symmetric", [False, True])
 @pytest.mark.parametrize("bodies", [1, 2, 7, 20])
 def test_factors_by_blocks_are_those_of_the_whole(bodies, symmetric):
@@ -80,6 +82,7 @@ def test_factors_by_blocks_are_those_of_the_whole(bodies, symmetric):
         assert whole @ x == pytest.approx(b, abs=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("nodes", [1, 2, 9, 40, 140])
 def test_nodes_are_eliminated_in_the_order_of_least_degree(nodes):
     """Beside all degrees, counted anew at each elimination."""

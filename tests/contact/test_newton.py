@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.solvers.newton.reduced import (
@@ -39,6 +40,7 @@ def derivative(rng: np.random.Generator, mu: np.ndarray, d: int, others: int) ->
     return D
 
 
+@pytest.mark.long
 def test_the_reduced_system_gives_the_step_of_the_whole() -> None:
     rng = np.random.default_rng(0)
     for case in range(400):

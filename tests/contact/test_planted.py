@@ -24,7 +24,7 @@ FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
 CIRCUITS = sorted([*FOLDER.glob("*lcp*.dat"), *FOLDER.glob("relay*.dat")])
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("family", planted.FAMILIES)
 def test_a_planted_solution_is_found_and_holds_in_its_own_rows(family: str) -> None:
     rng, pose = np.random.default_rng(7), planted.poses(planted.FAMILIES[family])
@@ -37,7 +37,7 @@ LOADED = [(family, "few") for family in planted.FAMILIES] + [(family, "loaded") 
 """Only circuits of diodes and resistors have a solution for any sources."""
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("decades", [0.0, 3.0])
 @pytest.mark.parametrize(("family", "load"), LOADED)
 def test_few_loads_in_any_units_are_answered(family: str, load: str, decades: float) -> None:
@@ -62,6 +62,7 @@ def test_a_free_unknown_that_should_be_zero() -> None:
     np.testing.assert_allclose(found.x, [0.0, 0.0, 0.0, 1.0 / 3.0, 0.0], rtol=1e-15, atol=0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("family", ["mixed", "circuit", "network", "bridges"])
 def test_free_rows_hold_beside_the_terms_that_they_have(family: str) -> None:
     """Summed in rational numbers; what is below 1e-13 of the largest terms of all rows is rounding."""
@@ -105,7 +106,7 @@ def test_published_matrices_with_planted_solutions(path: Path) -> None:
     assert (found.wrong, found.loose, found.open) == (0, 0, 0)
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("path", CIRCUITS, ids=lambda path: path.name)
 def test_published_matrices_in_any_units(path: Path) -> None:
     """In units three decades apart from their own, with many loads and with few."""

@@ -51,6 +51,7 @@ def natural_scaled(problem: rw.Problem, r: np.ndarray) -> float:
     return float(np.linalg.norm(force - onto) / np.linalg.norm(s * q.reshape(-1, d)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reference", REFERENCES, ids=lambda path: path.name)
 def test_every_contact_problem_with_a_reference(reference: Path) -> None:
     problem = read_problem(FOLDER / reference.name.removesuffix(".ref.npz"))

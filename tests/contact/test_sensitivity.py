@@ -63,6 +63,7 @@ def modes(p: ContactProblem, x: np.ndarray) -> list[str]:
     return list(np.where(force[:, 0] > 1e-6, names, "open"))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("directions", [2, 3])
 def test_against_central_differences(directions: int) -> None:
     rng = np.random.default_rng(directions)
@@ -104,6 +105,7 @@ def one_contact(
     return p
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("directions", [2, 3])
 @pytest.mark.parametrize("c", [(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.5, 0.0), (-1.0, 0.3, 0.4)])
 def test_one_sided_at_a_change_of_mode(directions: int, c: tuple[float, ...]) -> None:

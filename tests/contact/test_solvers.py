@@ -178,6 +178,7 @@ def pyramid(body, rows):
     return p
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "pile", [(stack, 10), (stack, 20), (pyramid, 6)], ids=lambda x: f"{x[0].__name__}{x[1]}"
 )

@@ -131,6 +131,7 @@ def ball(d: int, mu: float, v: Array) -> ContactProblem:
     return p
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("d", [3, 4])
 @pytest.mark.parametrize("compliant", [False, True])
 def test_random_scenes_are_solved(d: int, compliant: bool) -> None:
@@ -140,6 +141,7 @@ def test_random_scenes_are_solved(d: int, compliant: bool) -> None:
     assert sum(solved) >= (100 if compliant else 99)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("d", [3, 4])
 def test_nearly_all_random_scenes_of_bodies_next_to_without_inertia_are_solved(d: int) -> None:
     rng = np.random.default_rng(12)

@@ -315,6 +315,7 @@ SIDES: dict[str, tuple[Number, float, float]] = {
 }  # fmt: skip
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("what", SIDES)
 def test_it_turns_between(what: str) -> None:
     holds, within, beyond = SIDES[what]

@@ -62,6 +62,7 @@ PROBLEMS: dict[str, Callable[[np.random.Generator], rw.Problem]] = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=pytest.mark.long) if name.startswith("dense") else name for name in PROBLEMS],
@@ -110,6 +111,7 @@ def test_a_share_of_work_is_what_is_left() -> None:
     assert part.left == 25.0 - 64.0 - STEP and part.is_spent and part.part().left == 0.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("stiff", "least", "most"), [(0.1, 150, 300), (0.06, 1, 60)])
 def test_sweeps_go_on_where_a_few_hundred_are_enough(stiff: float, least: int, most: int) -> None:
     """A chain of springs, of which each sweep leaves the part 1 / (1 + stiff / 2)^2 of the error; the other

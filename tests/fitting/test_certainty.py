@@ -21,6 +21,7 @@ def straight(unequal: float, k: int, rng: np.random.Generator) -> Minimum:
     return Minimum(0.5 + found, np.zeros(TRIALS), np.einsum("mij,j->mi", second, found) - pull, second)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("k", [1, 2])
 @pytest.mark.parametrize("unequal", [0.0, 1.2])
 def test_intervals_hold_the_true_values_where_few_trials_say_most(unequal: float, k: int) -> None:

@@ -26,6 +26,7 @@ def explained(motions: rw.Motions, **options: Any) -> rw.Explanation:
     return rw.explain(SCENE, motions, OVER, models=models, threads=1, **options)
 
 
+@pytest.mark.long
 def test_the_rung_that_made_the_motions_explains_them() -> None:
     found = explained(drops(12, 40), held_out=0.34)
     assert found.adequate == found.best == "dynamic-rigid"
@@ -37,6 +38,7 @@ def test_the_rung_that_made_the_motions_explains_them() -> None:
     assert told["rungs"]["dynamic-rigid"]["parameters"] == 2 and not told["rungs"]["kinematic"]["as_good"]
 
 
+@pytest.mark.long
 def test_phases_are_what_happens() -> None:
     """A drop flat onto the table without a bounce: flight, an impact, sliding, rest."""
     state = np.array([[0.0, 0.07, 0.0, 1.0, 0.0, 0.0]])
@@ -67,6 +69,7 @@ def test_the_interval_of_a_mean_is_that_of_its_normal_limit() -> None:
     assert (found.upper - found.lower) / 2 == pytest.approx(half, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_fit_goes_on_from_the_batches_that_are_kept(tmp_path: Path) -> None:
     motions, options = drops(4), {"threads": 1, "out": tmp_path}
     whole = rw.fit(SCENE, "dynamic-rigid", motions, OVER, **options)  # type: ignore[arg-type]
@@ -82,6 +85,7 @@ def test_a_fit_goes_on_from_the_batches_that_are_kept(tmp_path: Path) -> None:
         rw.fit(SCENE, "dynamic-rigid", motions, ("mu",), resume=True, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_an_interrupt_gives_the_best_so_far() -> None:
     def stop(what: str, _done: int, _known: int) -> None:
         if what.startswith("least squares"):
@@ -95,6 +99,7 @@ def test_an_interrupt_gives_the_best_so_far() -> None:
         rw.fit(SCENE, "dynamic-rigid", motions, OVER, threads=1, on_progress=stop)
 
 
+@pytest.mark.long
 def test_the_command_fits_and_writes_the_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,6 +60,7 @@ def prepared(scene: dict[str, Any], motions: rw.Motions) -> Prepared:
     return prepare(scene, rw.DYNAMIC_RIGID, motions, "damping", None, None, OPTIONS)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("angles_only", [False, True])
 @pytest.mark.parametrize("links", [1, 2, 3])
 def test_runs_begin_with_joints_that_hold(links: int, angles_only: bool) -> None:
@@ -73,6 +74,7 @@ def test_runs_begin_with_joints_that_hold(links: int, angles_only: bool) -> None
     assert (np.abs(exact_errors).max(axis=(0, 1)) < 0.2 * scale).all()
 
 
+@pytest.mark.long
 def test_joints_are_closed_by_what_is_known_least() -> None:
     """Angles stay as they are where these alone were measured, and a link follows them."""
     loaded = rw.load(chain(2))

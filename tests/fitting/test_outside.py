@@ -50,7 +50,7 @@ WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], float | None]] = {
 """What differs from the scene that is fitted, and the span in which that shows."""
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(20))
 def test_motions_of_the_scene_itself_are_explained(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -59,7 +59,7 @@ def test_motions_of_the_scene_itself_are_explained(seed: int) -> None:
     assert not found.outside and found.verdict.startswith("explained")
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("span", [np.inf, None])
 @pytest.mark.parametrize("seed", range(20))
 def test_motions_without_velocities_are_explained(seed: int, span: float | None) -> None:
@@ -82,7 +82,7 @@ def test_motions_whose_contacts_yield_for_some_frames_are_explained(seed: int) -
     assert not found.outside
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", WRONG)
 def test_motions_of_another_scene_are_outside(kind: str, seed: int) -> None:
@@ -94,6 +94,7 @@ def test_motions_of_another_scene_are_outside(kind: str, seed: int) -> None:
     assert found.outside and "no parameters of mu, e explain" in found.verdict
 
 
+@pytest.mark.long
 def test_the_farthest_error_is_named() -> None:
     scene = copy.deepcopy(SCENE)
     pulled(scene)

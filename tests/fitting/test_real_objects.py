@@ -81,6 +81,7 @@ def straight(real_push: ModuleType, aside: float) -> Any:
     return real_push.Push(path, part, np.zeros((60, 2)))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_part_follows_a_rod_through_its_centre(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On every rung and in every simulator, and the arm's end is ahead by the friction over its stiffness."""
@@ -90,6 +91,7 @@ def test_a_part_follows_a_rod_through_its_centre(engine: str, monkeypatch: pytes
     assert off[-1, 0] < 2e-4 and off[-1, 1] < 1e-3
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_pressure_and_its_centre_decide_how_a_part_turns(
     engine: str, monkeypatch: pytest.MonkeyPatch

@@ -93,6 +93,7 @@ def test_damping_of_impacts_comes_back(damping: float) -> None:
     assert found.values["C"] == pytest.approx(damping, rel=0.03) and high - low < 0.12 * damping
 
 
+@pytest.mark.long
 def test_sets_of_values_that_fit_alike_are_named_and_are_not_one_answer() -> None:
     found = rw.fit(SCENE, "dynamic-rigid", drops(6), ("mu", "e"), threads=1)
     assert found.ok and not found.alike and "fit alike" not in str(found)

@@ -157,6 +157,7 @@ def drops_of(trials: int) -> _Spans:
     return _Spans(np.arange(trials))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("wave", [0.0, 0.3])
 def test_rough_runs_do_not_make_values_seem_sure(wave: float) -> None:
     """Waves finer than the value is known give slopes without meaning; intervals hold the truth as often."""

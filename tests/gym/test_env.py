@@ -34,6 +34,7 @@ PAIRS = (
 GRIPPER = {"squeeze": (10.0, 20.0), "v": (0.01, 0.1)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scene", "model"), PAIRS)
 def test_gymnasiums_checker_finds_nothing(scene: str, model: str) -> None:
     """Not even a warning, which the tests count as errors."""
@@ -41,6 +42,7 @@ def test_gymnasiums_checker_finds_nothing(scene: str, model: str) -> None:
     check_env(env.unwrapped)
 
 
+@pytest.mark.long
 def test_each_shipped_scene_with_inputs_is_registered_on_each_rung_that_moves() -> None:
     moving = [rung.name for rung in rw.LADDER if rung.moves]
     expected = {f"rungwise/{scene}-{model}-v0" for scene in SCENES for model in moving}
@@ -55,6 +57,7 @@ def test_each_shipped_scene_with_inputs_is_registered_on_each_rung_that_moves() 
     assert isinstance(env, SceneEnv) and env.settings.hold == 1.0
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("options", [{}, {"step": 2e-3}, {"ramp": True, "theta": 0.5}, {"ramp": False}])
 @pytest.mark.parametrize("model", ["kinematic", "quasistatic-rigid", "dynamic-rigid", "dynamic-compliant"])
 def test_an_episode_is_the_run_that_is_not_interrupted(model: str, options: dict[str, Any]) -> None:
@@ -113,6 +116,7 @@ def changed(**task: Any) -> rw.Scene:
     return rw.load(given | {"task": given["task"] | task})
 
 
+@pytest.mark.long
 def test_conditions_of_a_task_may_speak_of_contacts() -> None:
     """Of contacts that no condition of the scene names, too, however far they are."""
     free = {"instances": {"apart": {"uniform": [0.0, 0.1]}}, "uncertain": {}}

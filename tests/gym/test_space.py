@@ -59,6 +59,7 @@ def scene(tmp_path: Path) -> SpaceScene:
     return loaded
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", ["quasistatic-rigid", "dynamic-compliant"])
 @pytest.mark.parametrize("name", ["three_finger_lift", "arm_push"])
 def test_gymnasiums_checker_finds_nothing(name: str, model: str) -> None:
@@ -66,6 +67,7 @@ def test_gymnasiums_checker_finds_nothing(name: str, model: str) -> None:
     check_env(env.unwrapped, skip_render_check=True)  # pictures need OpenGL
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("options", [{}, {"step": 4e-3, "theta": 0.5}, {"ramp": False}])
 @pytest.mark.parametrize("model", [rung.name for rung in rw.LADDER if rung.moves])
 def test_an_episode_is_the_run_that_is_not_interrupted(model: str, options: dict[str, Any]) -> None:
@@ -130,6 +132,7 @@ def test_starts_are_instances_of_the_task_with_what_is_uncertain(scene: SpaceSce
     assert env.reset(seed=5)[0] == pytest.approx(make(scene, "kinematic", seed=5).reset()[0], abs=0.0)
 
 
+@pytest.mark.long
 def test_progress_adds_up_and_what_is_kept_out_of_is_unsafe(scene: SpaceScene) -> None:
     told: list[Transition] = []
     env = make(scene, "kinematic", hold=0.1, horizon=2.0)
@@ -157,6 +160,7 @@ def test_copies_go_on_alike() -> None:
         assert np.array_equal(branch.reset()[0], other.reset()[0])
 
 
+@pytest.mark.long
 def test_many_are_many_single_ones_in_any_number_of_processes(scene: SpaceScene) -> None:
     options: dict[str, Any] = {"hold": 0.1, "horizon": 0.3, "tol": 1e-3}
     single = SyncVectorEnv([lambda: SceneEnv(scene, "kinematic", **options)] * 6)

@@ -15,6 +15,7 @@ from rungwise.gym import SceneEnv, SceneVectorEnv
 MANY = 5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize(("scene", "model"), [("two_finger", "dynamic-rigid"), ("push", "quasistatic-rigid")])
 def test_many_are_many_single_ones(scene: str, model: str, mode: AutoresetMode) -> None:

@@ -22,6 +22,7 @@ STUCK = ("--set", "mu=2", "--set", "v2=0.6")
 FEW = ("--samples", "0", "--model", "kinematic")
 
 
+@pytest.mark.long
 def test_text_json_and_counterexamples(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -67,6 +67,7 @@ def cart(tmp_path: File) -> rw.SpaceScene:
     return scene
 
 
+@pytest.mark.long
 def test_a_pressed_ball_yields_in_inverse_proportion_to_stiffness() -> None:
     bench = benched(in_space("ball"), 0.05, v=0.0)
     assert bench.extent == pytest.approx(BALL)
@@ -101,6 +102,7 @@ def test_order_in_inertia_is_one_where_a_joint_has_damping(cart: rw.SpaceScene) 
     assert found.distances[0] == pytest.approx(behind / bench.extent, rel=0.02)
 
 
+@pytest.mark.long
 def test_restitution_and_damping_say_the_same() -> None:
     """A ball thrown at the floor without gravity leaves it with e of its speed on both dynamic rungs."""
     thrown = json.loads(in_space("ball").stored)
@@ -119,6 +121,7 @@ def test_restitution_and_damping_say_the_same() -> None:
             assert (height[-1] - height[29]) / (0.5 * end) == pytest.approx(0.6, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_rolling_ball_has_no_quasistatic_limit() -> None:
     bench = benched(in_space("ball"), 0.1)
     found = along(bench, LIGHT, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)

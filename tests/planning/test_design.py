@@ -62,6 +62,7 @@ def test_restarts_agree() -> None:
         assert abs(one.values[name] - other.values[name]) < 0.25 * (high - low)
 
 
+@pytest.mark.long
 def test_uncertainty_moves_the_ends_of_the_drift() -> None:
     """Errors of 0.1 take 0.1 from both ends, but for the share of failures that counts as kept."""
     sure = rw.design(slot().load(), ("d",), box={"d": (-1, 1)}, model="kinematic")

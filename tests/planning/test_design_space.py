@@ -75,6 +75,7 @@ def test_a_slope_is_best_level_and_drifts_to_its_friction() -> None:
     assert found.drift["angle"] == pytest.approx((-most, most), abs=0.2)
 
 
+@pytest.mark.long
 def test_the_farthest_place_of_a_band_is_its_middle(tmp_path: Path) -> None:
     """-0.3 <= d + off <= 0.5 in a square of side 2: half as wide as 0.8 / sqrt 2."""
     box = {"d": (-1.0, 1.0), "off": (-1.0, 1.0)}
@@ -96,6 +97,7 @@ def test_the_chamfer_of_a_hole_catches_the_peg() -> None:
     assert found.values["chamfer"] == pytest.approx(0.5 * (low + high), abs=3e-4)
 
 
+@pytest.mark.long
 def test_without_success_it_says_what_blocks() -> None:
     found = rw.design(
         "slope", ("mu",), model="dynamic-rigid", box={"mu": (0.01, 0.3)}, tol=0.1, budget=50, threads=1

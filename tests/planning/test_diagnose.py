@@ -31,6 +31,7 @@ def push(speed: float) -> list[rw.Segment]:
     return [rw.Segment({"ux": 1.0}, 0.1 / speed), rw.Segment({"ux": 0.0}, max(1.0, 0.1 / speed))]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("cause", CASES)
 def test_cause_is_the_ingredient_that_was_changed(cause: str) -> None:
     own, change, before, after = CASES[cause]

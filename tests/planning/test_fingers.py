@@ -258,6 +258,7 @@ def test_fingers_need_drives_of_their_own() -> None:
     assert refusal(apart).startswith("task.fingers.*: finger2 touches no object")
 
 
+@pytest.mark.long
 def test_a_finger_is_led_through_free_space_as_if_transit_named_it() -> None:
     """A plan of `push` whose rod is a finger alone."""
     file = json.loads(rw.load("push").stored)

@@ -104,6 +104,7 @@ def test_ways_are_short(seed: int) -> None:
     assert f"; box travels {length:.3g}" in str(plan) and " legs on geometric @ 0.01>" in repr(plan)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["two_finger", "four_finger"])
 def test_coordinates_keep_their_travel(name: str) -> None:
     for seed in range(5):
@@ -113,6 +114,7 @@ def test_coordinates_keep_their_travel(name: str) -> None:
         assert (way_of(plan) >= travel["lower"]).all() and (way_of(plan) <= travel["upper"]).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("thickness", [0.2, 1e-2, 1e-3])
 def test_thin_walls_are_not_jumped(thickness: float) -> None:
     """Two bodies change sides through the gate of a wall, however thin it is."""
@@ -129,6 +131,7 @@ def test_no_way_through_a_gate_that_is_too_narrow() -> None:
     assert plan.reason == "geometric @ 0.01: no path for the bodies was found, wall being in the way"
 
 
+@pytest.mark.long
 def test_an_obstacle_that_leaves_no_way_is_named_where_a_search_finds_nothing() -> None:
     plan = rw.plan(gate(1e-2, 0.15), to="quasistatic-rigid", budget=3000)
     assert not plan.found and "wall being in the way" in plan.reason and "moves tried" in plan.reason
@@ -156,6 +159,7 @@ def test_the_same_seed_gives_the_same_way() -> None:
     assert one.waypoints == two.waypoints != other.waypoints
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", TASKS)
 def test_goals_of_tasks_have_places_also_where_contacts_must_close(name: str) -> None:
     """No false alarm: neither with two contacts to be closed within a millionth, nor with forces."""
@@ -171,6 +175,7 @@ def test_goals_of_tasks_have_places_also_where_contacts_must_close(name: str) ->
         assert not rw.geometry(scene, found.places, parameters).collides.any()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
@@ -188,6 +193,7 @@ def test_goals_that_cannot_be_are_told_before_anything_is_tried(goal: str, words
     assert not plan.records
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("place", [0.1, 1.0, 3.0])
 @pytest.mark.parametrize("width", [1.0, 0.1, 0.02, 0.001])
 def test_a_goal_between_bounds_keeps_as_much_of_the_reserve_as_it_has_room_for(
@@ -208,7 +214,7 @@ def test_a_goal_out_of_a_travel_is_told() -> None:
     assert not plan.found and plan.reason.endswith("these terms fail: finger1.x1 >= 3 (by 1)")
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "goal",
     [
@@ -232,6 +238,7 @@ def test_goals_that_can_be_have_places(goal: str) -> None:
         assert len(placing.goals(np.random.default_rng(1)).places)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("goal", ["gap(rod, box) <= -1e-4", "floor(box.x) >= 3", "force(rod, box) >= 1"])
 def test_what_places_cannot_rule_out_is_tried(goal: str) -> None:
     """Contacts that yield, what changes at once, and forces."""

@@ -95,6 +95,7 @@ def overlap(scene: SpaceScene, rows: Reals) -> float:
     return float(deepest)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("thick", [0.02, 1e-3])
 def test_a_plate_goes_through_a_slit_turned(make: Make, thick: float) -> None:
     scene = make(plate(0.06, thick), BEYOND)
@@ -127,6 +128,7 @@ def test_the_mirror_image_of_a_way_is_a_way_in_the_mirrored_scene(make: Make) ->
     assert rw.ask(mirrored, "goal", rows[-1:]).holds[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
@@ -144,6 +146,7 @@ def test_goals_that_cannot_be_are_told_before_anything_is_tried(make: Make, goal
     assert not plan.records
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "goal",
     [
@@ -159,6 +162,7 @@ def test_places_are_found_where_contacts_close_and_bodies_turn(make: Make, goal:
     assert overlap(scene, rows_on(scene, way_of(plan))) <= 1e-4
 
 
+@pytest.mark.long
 def test_an_arm_reaches_over_the_table_within_its_ranges(make: Make) -> None:
     goal = "gap(fore, box) <= 0.01 and box.x <= 0.2 and box.y >= 0.3"
     scene = make(ARM, goal)
@@ -170,6 +174,7 @@ def test_an_arm_reaches_over_the_table_within_its_ranges(make: Make) -> None:
     assert "; box travels " in str(plan).splitlines()[0]
 
 
+@pytest.mark.long
 def test_a_climb_says_that_nothing_touched_the_box(make: Make) -> None:
     scene = make(ARM, "box.x >= 0.65", task={"moves": [1, 1]})
     plan = rw.plan(scene, from_="geometric", to="kinematic", budget=300, threads=1)

@@ -43,6 +43,7 @@ def test_a_schedule_goes_through_several_stages(push: rw.Plan) -> None:
     assert found.replay("dynamic-compliant").ok
 
 
+@pytest.mark.long
 def test_a_schedule_that_misses_is_led_on(push: rw.Plan) -> None:
     """The last push is missing: what is left keeps its beginning."""
     last = len(push.segments) - 1 - push.labels[::-1].index("push")
@@ -115,6 +116,7 @@ def test_a_path_is_followed(height: float, width: float, far: float, below: floa
     assert plan.replay().ok
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("initial", "words"),
     [

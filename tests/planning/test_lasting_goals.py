@@ -23,6 +23,7 @@ def held_at_the_end(plan: rw.Plan, lasts: float, now: str) -> None:
     assert run.time > lasts
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_box_stays_where_it_was_pushed_to(seed: int) -> None:
     now = push(seed).file.goal

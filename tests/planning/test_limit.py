@@ -29,6 +29,7 @@ def timed(scene: rw.Scene, limit: float, **options: Any) -> tuple[rw.Plan, float
     return plan, clock() - began - limit, told
 
 
+@pytest.mark.long
 def test_a_limit_holds_in_a_search_without_budget() -> None:
     exact = {"near": 1e-7, "aligned": 1e-7}
     rw.plan(push(0), parameters=exact, task_seed=0, budget=200)
@@ -38,6 +39,7 @@ def test_a_limit_holds_in_a_search_without_budget() -> None:
     assert len(told) >= 8 and np.median(np.diff(told)) < 0.4
 
 
+@pytest.mark.long
 def test_a_limit_holds_in_the_replay_that_confirms(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan that was found is returned, with a reason that it is not confirmed: the limit is set to end
     one second after the replay has begun, however long the search took."""
@@ -146,6 +148,7 @@ def test_causes_that_were_not_sought_are_named(varied: rw.Plan, monkeypatch: pyt
     assert cut.successes == whole.successes and not cut.causes and "causes" in cut.unfinished
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "options",
     [{}, {"robust": True, "samples": 10, "draws": 4}, {"from_": "kinematic"}],

@@ -18,6 +18,7 @@ def cups(samples: int, seed: int) -> dict[str, np.ndarray]:
     return {name: rng.uniform(*spread.uniform, samples) for name, spread in task.uncertain.items()}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", ["dynamic-rigid", "dynamic-compliant"])
 def test_fresh_cups_leave_closed_end_down(model: str) -> None:
     drawn = cups(50, 7)
@@ -55,6 +56,7 @@ def test_a_cup_that_falls_is_nothing_for_quasistatic_rungs(model: str) -> None:
     assert rw.simulate("part_feeder", model, tol=TOL).outcome == "unsupported"
 
 
+@pytest.mark.long
 def test_a_climb_skips_rungs_on_which_cups_cannot_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says why, and the search goes on from the design of dynamic-rigid."""
     monkeypatch.setattr(design, "DESIGNS", 4)

@@ -30,6 +30,7 @@ def found() -> rw.Plan:
     return rw.plan(PUSH, task_seed=4, schedule="quasistatic")
 
 
+@pytest.mark.long
 def test_plan_holds_on_the_rung_asked_for_at_a_tenth_of_its_accuracy(found: rw.Plan) -> None:
     assert found.found, str(found)
     assert found.stage is not None and found.stage.model is rw.DYNAMIC_COMPLIANT
@@ -40,6 +41,7 @@ def test_plan_holds_on_the_rung_asked_for_at_a_tenth_of_its_accuracy(found: rw.P
     assert abs(box["angle"] - p["goal_angle"]) <= p["aligned"]
 
 
+@pytest.mark.long
 def test_transits_touch_nothing(found: rw.Plan) -> None:
     """Between a draw-back and the next push the rod keeps its distance from box and posts."""
     run = found.replay(tol=found.tol)
@@ -117,6 +119,7 @@ def test_moves_that_take_too_many_steps_are_told_as_such(monkeypatch: pytest.Mon
     assert dict(budget.outcomes) == {"too many steps": 1}
 
 
+@pytest.mark.long
 def test_plans_are_improved_by_the_cost_of_the_task() -> None:
     found = rw.plan(PUSH, task_seed=1000)
     better = rw.plan(PUSH, task_seed=1000, improve=60_000)
@@ -127,6 +130,7 @@ def test_plans_are_improved_by_the_cost_of_the_task() -> None:
     assert "improved" in better.records[-1].how
 
 
+@pytest.mark.long
 def test_the_time_limit_holds_inside_a_search() -> None:
     began = time.perf_counter()
     none = rw.plan(PUSH, task_seed=4, parameters={"near": 1e-7}, limit=1.0)
@@ -188,6 +192,7 @@ def test_goals_are_tightened(condition: str, holds: str) -> None:
     assert tightened(condition, 0.2) == holds
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("scene", "changes", "to", "first"),
     [

@@ -52,7 +52,7 @@ def run(policy: rw.Policy, **options: object) -> rw.Run | rw.SpaceRun:
     return rw.simulate(plan.scene, plan.stage.model, control=policy, rate=policy.rate, **(given | options))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["card", "push", "corner_pivot", "floor_push"])
 def test_a_plan_is_followed_as_it_is_where_nothing_differs(name: str) -> None:
     """Nothing is proposed anew, and the run comes to the goal when the plan does."""
@@ -62,7 +62,7 @@ def test_a_plan_is_followed_as_it_is_where_nothing_differs(name: str) -> None:
     assert found.time == pytest.approx(policy.plan.replay().time, rel=0.03)
 
 
-@pytest.mark.few(3)
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(6))
 @pytest.mark.parametrize("name", ["card", "push", "floor_push"])
 def test_whatever_is_measured_a_policy_gives_inputs_and_says_what_it_does(name: str, number: int) -> None:
@@ -96,7 +96,7 @@ MEASURED = {
 """Plans of pushes, hands and arms, in the plane and in space."""
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", range(10))
 @pytest.mark.parametrize("name", MEASURED)
 def test_no_measured_place_is_lost(name: str, number: int) -> None:
@@ -170,6 +170,7 @@ def test_a_box_that_lies_elsewhere_is_brought_to_the_goal() -> None:
     assert simulation.outcome == rw.Outcome.GOAL
 
 
+@pytest.mark.long
 def test_a_goal_between_narrow_bounds_is_reached_from_elsewhere() -> None:
     """No place is a fifth within such bounds, so that plan and policy keep less of a reserve."""
     goal = "box.x >= goal_x - 0.002 and box.x <= goal_x + 0.002 and abs(box.y - goal_y) <= 0.005"
@@ -189,6 +190,7 @@ def plan_of_a_hand(seed: int) -> rw.Plan:
     return rw.plan(rw.load(data), schedule=[("quasistatic-compliant", 1e-2)], seed=seed)
 
 
+@pytest.mark.long
 def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None:
     plan = plan_of_a_hand(0)
     assert "follow" in plan.labels
@@ -201,6 +203,7 @@ def test_legs_of_fingers_that_the_task_does_not_name_are_proposed_anew() -> None
     assert run.outcome == rw.Outcome.GOAL and not all(each.kept for each in policy.proposals)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_hands_of_joined_links_go_on_from_what_is_measured(seed: int) -> None:
     """Joints of a run are open by its errors, and closing them lets links overlap what they touch."""
@@ -238,6 +241,7 @@ def led_by_hand(aside: float) -> tuple[rw.Policy, rw.SpaceRun]:
     return policy, run
 
 
+@pytest.mark.long
 def test_fingers_keep_to_a_ball_that_lies_aside_without_any_proposal() -> None:
     plan = plan_of_four_fingers()
     policy, run = led_by_hand(0.003)
@@ -247,6 +251,7 @@ def test_fingers_keep_to_a_ball_that_lies_aside_without_any_proposal() -> None:
     assert max(abs(told[-1][name] - asked[-1][name]) for name in asked[-1]) > 0.01
 
 
+@pytest.mark.long
 def test_an_object_is_not_moved_to_close_contacts_of_fingers_around_it() -> None:
     """It stays where it is measured, but for overlaps; and joints stay in their ranges."""
     plan = plan_of_four_fingers()
@@ -293,6 +298,7 @@ def leaning(raised: float) -> tuple[rw.Policy, rw.State]:
     return policy, rw.State(tuple(names), q, np.zeros(len(policy.plan.scene.template.velocities)))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("raised", [0.0, 0.1])
 def test_fingers_let_go_where_nothing_leads_on_unless_the_object_falls_far(
     raised: float, monkeypatch: pytest.MonkeyPatch
@@ -379,6 +385,7 @@ def test_measured_contacts_are_closed_and_overlaps_opened(number: int) -> None:
     assert least.min() >= 0.0 and least[pairs].max() <= 4e-6 and np.abs(found - q).max() <= 0.03
 
 
+@pytest.mark.long
 def test_feedback_is_verified_beside_the_other_modes() -> None:
     plan = planned("push")
     blind, seeing = (rw.verify(plan, samples=3, mode=mode, seed=3) for mode in ("open loop", "feedback"))

@@ -29,6 +29,7 @@ def is_confirmed(plan: rw.Plan) -> bool:
     return plan.found and plan.replay(tol=plan.tol / 10).outcome.code == rw.Code.GOAL
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 5))])
 def test_two_boxes_both_come_to_their_goals(seed: int) -> None:
     plan = rw.plan(two_boxes(seed), budget=600_000)
@@ -36,6 +37,7 @@ def test_two_boxes_both_come_to_their_goals(seed: int) -> None:
     assert len(plan.waypoints) >= 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_fast_pushes_are_planned_with_their_coasting(seed: int) -> None:
     """At 1 m/s boxes coast by their size: a move begins when what the last one pushed is at rest."""

@@ -113,6 +113,7 @@ def test_the_mode_that_measures_least_is_taken() -> None:
     assert json.loads(easy.text())["mode"] == "open loop"
 
 
+@pytest.mark.long
 def test_re_planning_where_blind_execution_does_not_do(tmp_path: Path) -> None:
     hard = planned(
         {"y": {"uniform": [-0.02, 0.02]}, "angle": {"uniform": [-0.2, 0.2]}}, robust=0.8, samples=25
@@ -124,6 +125,7 @@ def test_re_planning_where_blind_execution_does_not_do(tmp_path: Path) -> None:
     assert again.mode == "re-planning" and again.checks == hard.checks
 
 
+@pytest.mark.long
 def test_a_rate_out_of_reach_is_no_plan(plan: rw.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     """Posts that may stand in the way of the box: nothing helps, and samples end early."""
     monkeypatch.setattr(PlanarWorld, "replanning_steps", 10_000)

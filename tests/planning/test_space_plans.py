@@ -92,6 +92,7 @@ def drawn(scene: SpaceScene) -> rw.Plan:
     return rw.plan(scene, schedule=COARSE, task_seed=5, seed=3, threads=1)
 
 
+@pytest.mark.long
 def test_a_plan_pushes_the_box_to_its_target(plan: rw.Plan) -> None:
     assert plan.found
     run = plan.replay()
@@ -101,6 +102,7 @@ def test_a_plan_pushes_the_box_to_its_target(plan: rw.Plan) -> None:
     assert plan.segments[-1].inputs["aim"] == pytest.approx(TARGET + GAP, abs=0.02)
 
 
+@pytest.mark.long
 def test_records_say_what_each_stage_took(plan: rw.Plan) -> None:
     assert [each.stage for each in plan.records] == [f"{model} @ {accuracy:g}" for model, accuracy in STAGES]
     assert plan.records[0].how == "planned"
@@ -140,6 +142,7 @@ def test_friction_that_differs_is_the_cause(scene: SpaceScene) -> None:
     assert found.details["friction"]["friction"] == [0.1, 0.6]
 
 
+@pytest.mark.long
 def test_plans_do_not_depend_on_threads(drawn: rw.Plan, scene: SpaceScene) -> None:
     two = rw.plan(scene, schedule=COARSE, task_seed=5, seed=3, threads=2)
     assert two.segments == drawn.segments
@@ -168,6 +171,7 @@ def test_a_plan_does_not_fit_a_model_that_changed(plan: rw.Plan, tmp_path: Path)
         rw.load_plan(tmp_path / "plan.json")
 
 
+@pytest.mark.long
 def test_instances_are_drawn_by_the_task(drawn: rw.Plan, scene: SpaceScene) -> None:
     found = rw.instances(scene, 5, count=3)
     assert [each["target"] for each in found] == [each["target"] for each in rw.instances(scene, 5, count=3)]
@@ -261,6 +265,7 @@ QUICK: dict[str, Any] = {
 """Pushes after which a box coasts."""
 
 
+@pytest.mark.long
 def test_a_push_that_falls_short_is_planned_anew(make: Make) -> None:
     """Where friction is greater than is known a box that was to coast stays short of its target; what is
     left is another push, from where the box is."""

@@ -130,6 +130,7 @@ def test_the_mirrored_plan_reaches_the_mirrored_goal(plan: rw.Plan) -> None:
     assert run.final["box"]["y"] == pytest.approx(-own.final["box"]["y"], abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["arm", "gantry"])
 def test_moves_begin_at_their_clearance_and_ways_keep_apart(kind: str, tmp_path: Path) -> None:
     scene = arm() if kind == "arm" else gantry(tmp_path)
@@ -168,6 +169,7 @@ def test_pushes_go_along_lines_at_the_speed_of_the_task(tmp_path: Path) -> None:
     assert np.linalg.norm(way[free], axis=1) == pytest.approx(length, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("far", "aside", "seed"), [(0.05, 0.03, 2), pytest.param(0.1, 0.02, 0, marks=pytest.mark.long)]
 )

@@ -47,7 +47,7 @@ def test_one_squeeze_orients_a_regular_polygon(sides: int) -> None:
     assert plan.period == pytest.approx(2.0 * math.pi / (sides * (1 + sides % 2)))
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(40))
 def test_least_diameters_are_where_squeezes_end(seed: int) -> None:
     function = rw.squeeze_plan(outline(seed)).function
@@ -128,6 +128,7 @@ def test_a_plan_holds_up_to_the_friction_that_fills_its_room() -> None:
         assert bool(np.any(lost)) != holds
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING)
 def test_a_squeezed_rectangle_turns_to_the_least_width_on_its_side(model: str) -> None:
     """From beyond the diagonal it ends on its long sides, else on its short ones."""

@@ -102,6 +102,7 @@ def asked(scene: Any, goal: str) -> Any:
     return rw.load(data | {"goal": goal, "task": task})
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", [rw.QUASISTATIC_COMPLIANT, rw.DYNAMIC_COMPLIANT], ids=lambda rung: rung.name)
 @pytest.mark.parametrize("name", ["plane", "space"])
 def test_the_derivative_of_a_step_leads_an_object_nearer_than_inputs_that_are_held(
@@ -128,6 +129,7 @@ def test_why_steering_had_no_derivative_is_counted_and_said() -> None:
     assert "steered without derivatives for these reasons: support" in known(work)
 
 
+@pytest.mark.long
 def test_the_derivative_feels_fingers_that_nearly_touch() -> None:
     """Within a twentieth of the disc's reach, 2.5 mm."""
     for gap, felt in ((1e-3, True), (5e-3, False)):

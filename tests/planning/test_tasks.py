@@ -7,6 +7,7 @@ import pytest
 import rungwise as rw
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["push", "two_finger", "four_finger", "grasp"])
 @pytest.mark.parametrize("seed", [1000, 1003])
 def test_task_is_solved(name: str, seed: int) -> None:

@@ -357,6 +357,7 @@ def test_a_stage_on_which_most_moves_end_without_a_verdict_is_given_up(
         assert budget.left
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["floor_push", "push"])
 def test_no_stage_is_given_up_but_those_before_the_last_where_modes_lead_fingers(
     name: str, monkeypatch: pytest.MonkeyPatch

@@ -32,6 +32,7 @@ def plan() -> rw.Plan:
     return found
 
 
+@pytest.mark.long
 def test_bound_is_that_of_clopper_and_pearson(plan: rw.Plan) -> None:
     """At the lower bound, as many successes or more have a probability of 5 %."""
     found = rw.verify(plan, samples=60)
@@ -42,6 +43,7 @@ def test_bound_is_that_of_clopper_and_pearson(plan: rw.Plan) -> None:
     assert sum(found.failures.values()) == n - k
 
 
+@pytest.mark.long
 def test_samples_that_failed_fail_again(plan: rw.Plan) -> None:
     found = rw.verify(plan, samples=60)
     assert found.worst
@@ -78,6 +80,7 @@ def test_same_seed_same_samples_whatever_the_threads(plan: rw.Plan) -> None:
     assert rw.verify(plan, samples=20, seed=6).summary() != one.summary()
 
 
+@pytest.mark.long
 def test_nothing_that_varies_much_always_succeeds() -> None:
     sure = scene({"mu": {"uniform": ["mu", "mu * (1 + 1e-9)"]}})
     plan = rw.plan(sure, task_seed=4, to="quasistatic-rigid")

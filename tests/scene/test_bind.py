@@ -325,6 +325,7 @@ def test_pressure_in_closed_form() -> None:
         assert ratio == pytest.approx(c, rel=1e-11), shape
 
 
+@pytest.mark.long
 def test_pressure_of_outlines_about_any_point_of_their_hull() -> None:
     rng = np.random.default_rng(3)
     for _ in range(6):

@@ -83,6 +83,7 @@ def test_units_and_view_of_an_svg(tmp_path: Path, attributes: str, length: float
     )
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("units", "length"), [(1, 0.0254), (4, 1e-3), (5, 1e-2), (6, 1.0), (13, 1e-6)])
 def test_lines_and_arcs_of_a_dxf_join(tmp_path: Path, units: int, length: float) -> None:
     def plate(space: Modelspace) -> None:

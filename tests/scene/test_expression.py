@@ -106,6 +106,7 @@ def numbers(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 expressions = st.recursive(literals | st.sampled_from(["a", "b", "pi", "deg"]), numbers, max_leaves=8)
 
 
+@pytest.mark.long
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(expressions)
 def test_value_is_that_of_python(text: str) -> None:
@@ -211,6 +212,7 @@ def test_equality_and_what_is_not_a_number(text: str, holds: bool) -> None:
     assert value(f"1 if {text} else 2") == (1.0 if holds else 2.0)
 
 
+@pytest.mark.long
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(st.lists(st.sampled_from(["a", "b", "0", "0.75", "-2.5", "inf"]), min_size=2, max_size=4), st.data())
 def test_conditions_hold_where_python_says_so(operands: list[str], data: st.DataObject) -> None:

@@ -101,6 +101,7 @@ def test_for_stands_in_conditions_of_runs_alone(fields: dict[str, Any], path: st
         rw.ask(scene(), "part.x < 1 for 0.2", np.zeros((1, 3)))
 
 
+@pytest.mark.long
 def test_a_time_that_parameters_make_impossible_is_named() -> None:
     made = scene(goal="part.y < 0.5 for wait", parameters={"wait": {"default": 0.2}})
     run = rw.simulate(made, rw.DYNAMIC_RIGID, parameters={"wait": -0.1})

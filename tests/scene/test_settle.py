@@ -47,7 +47,7 @@ def test_a_ball_rises_from_the_floor_by_its_overlap(tmp_path: Path) -> None:
     assert found["a.x"] == pytest.approx(0.3, abs=1e-9)
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", range(40))
 def test_curved_bodies_part_from_boxes_the_short_way(number: int, tmp_path: Path) -> None:
     """Where a corner of a box is in the side of a cylinder, contacts of their faces lead another way."""
@@ -91,7 +91,7 @@ def arm(rng: np.random.Generator) -> str:
     return FLOOR + inside + "".join(around)
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("number", range(40))
 def test_arms_out_of_their_ranges_start(number: int, tmp_path: Path) -> None:
     rng = np.random.default_rng([number, 35])

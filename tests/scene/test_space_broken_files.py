@@ -63,6 +63,7 @@ def _broken(name: str, damage: Callable[[bytes, random.Random], bytes]) -> Itera
         yield damage(FILES[name].encode(), rng)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("damage", DAMAGE, ids=lambda each: each.__name__)
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.filterwarnings("ignore")
@@ -101,6 +102,7 @@ MISSING = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", MISSING)
 def test_what_a_file_names_and_is_not_there_is_named_in_one_line(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

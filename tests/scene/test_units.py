@@ -41,6 +41,7 @@ def worth(unit: str, units: dict[str, str]) -> float:
     return float(scale / own * math.radians(1.0) ** degrees)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "units", [None, {"length": "mm", "mass": "g", "time": "ms"}, {"length": "cm"}, {"time": "us"}]
 )

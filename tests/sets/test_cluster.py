@@ -96,6 +96,7 @@ def test_workers_give_the_same_bytes(shared: Farm, tmp_path: Path, model: rw.Run
     assert again.data.identical(one.data)
 
 
+@pytest.mark.long
 def test_a_worker_that_fails_is_named(shared: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch, pytest.raises(rw.SetError, match="another version of rungwise"):
         patch.setattr(module, "version", lambda: "older")
@@ -108,6 +109,7 @@ def test_a_worker_that_fails_is_named(shared: Farm, monkeypatch: pytest.MonkeyPa
         grasp(cluster=shared.address)
 
 
+@pytest.mark.long
 def test_runs_of_a_worker_that_dies_are_done_by_another(shared: Farm) -> None:
     def kill(_what: str, done: int, _known: int) -> None:
         if done > 100:
@@ -175,6 +177,7 @@ def test_a_worker_that_dies_loses_nothing(farm: Farm, tmp_path: Path) -> None:
     assert rw.load_set(tmp_path / "set" / "dynamic-rigid").data.identical(expected.data)
 
 
+@pytest.mark.long
 def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     done = subprocess.run(
         [
@@ -192,6 +195,7 @@ def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         grasp(cluster="tcp://127.0.0.1:9")
 
 
+@pytest.mark.long
 def test_tasks_take_their_share_of_time() -> None:
     """The size of a task follows the time that the one before took, and every run is done once."""
 

@@ -64,6 +64,7 @@ def states(found: rw.DoomedSet, n: int = 50_000) -> Reals:
     return np.random.default_rng(5).uniform(low, high, (n, len(low)))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", [rw.KINEMATIC, rw.QUASISTATIC_RIGID], ids=str)
 def test_what_was_pushed_too_far_is_doomed(model: rw.Rung) -> None:
     found = rw.doomed_set(
@@ -113,6 +114,7 @@ def test_braking_too_late() -> None:
     assert 0.4 < parts[0] < parts[1] and parts[1] > 0.7
 
 
+@pytest.mark.long
 def test_two_fingers_and_the_rule_of_the_scene() -> None:
     """With speeds in 1/2..1 the ratio decides, too. Fingers at -0.3 and 0.3 close on the line x1 + x2 = 2.6;
     they do so between its ends iff x1 can be between 1 and 1.6 there."""

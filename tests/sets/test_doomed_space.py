@@ -57,6 +57,7 @@ def pushing(folder: Path) -> SpaceScene:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("cells", "seen"), [((10, 12), 0.2), pytest.param((14, 16), 0.25, marks=pytest.mark.long)], ids=str
 )
@@ -122,6 +123,7 @@ def test_a_scene_that_follows_the_time_is_refused(tmp_path: Path) -> None:
         rw.doomed_set(timed, rw.DYNAMIC_RIGID, ("s", "speed(s)"), {"u": (0.0, 1.0)}, cells=4, threads=1)
 
 
+@pytest.mark.long
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "scene.yaml").write_text(braking(tmp_path).yaml())
     over, inputs = "s=-1.05:1.05,speed(s)=-2.4:2.4", "u=-1:1"

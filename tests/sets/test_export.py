@@ -66,6 +66,7 @@ def is_closed(mesh: Mesh) -> bool:
     return np.array_equal(there, back)
 
 
+@pytest.mark.long
 def test_a_ball_is_closed_and_has_its_volume(ball: rw.FeasibleSet) -> None:
     mesh = boundary(ball)
     assert is_closed(mesh) and euler(mesh) == 2

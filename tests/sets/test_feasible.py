@@ -29,6 +29,7 @@ def worst(found: rw.FeasibleSet, end: float) -> float:
     return float(np.max(away[wrong], initial=0.0))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [0.02])
 @pytest.mark.parametrize(
     ("model", "parameters", "end"),
@@ -238,6 +239,7 @@ def test_threads_do_not_change_a_set() -> None:
     assert one.data.identical(three.data)
 
 
+@pytest.mark.long
 def test_an_interrupted_set_goes_on_where_it_was(tmp_path: Path) -> None:
     whole = grasp(rw.QUASISTATIC_RIGID, ("v1", "v2", "mu"), tol=0.03, out=tmp_path / "whole")
     asked = 0

@@ -14,6 +14,7 @@ from rungwise.world.batch import Batch
 from .test_feasible import BOX, worst
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [0.02, pytest.param(0.006, marks=pytest.mark.long)])
 @pytest.mark.parametrize("model", [rw.KINEMATIC, rw.QUASISTATIC_RIGID, rw.QUASISTATIC_COMPLIANT], ids=str)
 def test_three_bands_of_one_call(model: rw.Rung, tol: float) -> None:

@@ -34,6 +34,7 @@ def grown(function: Callable[[Reals], Reals], axes: int, target: int) -> tuple[T
     return tree, oracle
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("axes", "levels", "growth"), [(2, (6, 7, 8, 9), 2.0), (3, (5, 6, 7), 4.0)])
 def test_evaluations_grow_like_the_surface(axes: int, levels: tuple[int, ...], growth: float) -> None:
     trees = [grown(ball, axes, level) for level in levels]

@@ -77,6 +77,7 @@ def test_where_nothing_moves_more_time_is_not_advised(model: rw.Rung) -> None:
     assert run.outcome == "timeout" and run.reason.endswith(STILL)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_scene_in_space_in_which_nothing_moves_is_not_helped_by_time(model: rw.Rung) -> None:
     scene = rw.load("stack").changed(goal="t >= 100")

@@ -41,6 +41,7 @@ def places(run: rw.Run) -> list[float]:
     return [x for many in run.final.values() for x in many.values()]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", ["two_finger_servo", "four_finger", "two_link"])
 def test_scenes_of_every_kind(scene: str) -> None:
     loaded = rw.load(scene)
@@ -124,7 +125,7 @@ def test_rollouts_say_of_what_nothing_balances_what_runs_say(count: int) -> None
     assert {"timeout", "unsupported"} <= said
 
 
-@pytest.mark.few(4)
+@pytest.mark.long
 @pytest.mark.parametrize("top", [1e2, 1e6])
 @pytest.mark.parametrize("softness", [30.0, 1000.0])
 @pytest.mark.parametrize("number", range(4))

@@ -31,7 +31,7 @@ def went(
     return np.concatenate([at.state.q, at.state.v, at.state.deformation.ravel()])
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=lambda model: model.name)
 @pytest.mark.parametrize("case", CASES)
 def test_against_differences_of_runs(case: str, model: rw.Rung) -> None:

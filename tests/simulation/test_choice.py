@@ -79,6 +79,7 @@ def test_friction_of_a_support_leaves_one_motion() -> None:
         assert place(scene, rw.QUASISTATIC_RIGID, motion)["a"] == pytest.approx(0.5, abs=1e-3)
 
 
+@pytest.mark.long
 def test_what_nothing_stops_ends_far_away() -> None:
     """Ten extents of the scene from its start, the greatest preferred speed for as short a time."""
     scene = row(block(0.6), wall=1e6)

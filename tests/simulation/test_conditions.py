@@ -74,7 +74,7 @@ def squeezed(rng: np.random.Generator, part: float, step: float) -> rw.Scene:
     return scene(bodies, goal, 1.5, step, g=0.0, friction=mu)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("part", [0.7, 1.3], ids=["reached", "not reached"])
 @pytest.mark.parametrize("make", [dropped, struck, pushed, squeezed], ids=lambda make: make.__name__)
 def test_force_has_a_limit(make: Any, part: float) -> None:

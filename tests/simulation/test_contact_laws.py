@@ -354,7 +354,7 @@ def test_static_friction_below_kinetic_is_refused_in_a_line() -> None:
         rw.load(data).bind({"mu": 0.4})
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @on_loaded
 def test_laws_do_not_depend_on_units(rung: Rung) -> None:
     ball = disc(0.02, coordinates={"x": {"speed": 0.3, "damping": 1.0}, "y": {"damping": 1.0}})

@@ -84,7 +84,7 @@ def scene(rng: Generator, gap: float, drop: float, free: bool, speed: float, pus
     return {"name": "tiles", "gravity": [0.0, -GRAVITY], "bodies": bodies, "contacts": contacts}
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_thrown_over_tiles_stops_where_friction_stops_it(model: rw.Rung, free: bool) -> None:
@@ -164,6 +164,7 @@ def mirrored(data: Data) -> Data:
     return {**data, "bodies": bodies}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("model", "pushed"),
     [*((model, True) for model in MOVING), *((model, False) for model in DYNAMIC)],

@@ -51,6 +51,7 @@ def taken(run: Simulation) -> int:
     return int(run.workspace.state.clock[0]["steps"])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("members", JAMS)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_halted_step_is_not_taken_and_the_run_goes_on_as_if_it_had_not_been(
@@ -77,6 +78,7 @@ def test_a_run_without_time_is_returned_as_it_begins(model: rw.Rung, scene: str)
     assert len(run.trajectory.time) == 1
 
 
+@pytest.mark.long
 def test_a_step_that_takes_minutes_ends_with_its_limit() -> None:
     run = rw.simulate(jam(3, 6, 1.0), rw.QUASISTATIC_COMPLIANT, limit=0.5)
     assert run.outcome == "running" and run.time < 0.01 and "0.5 s are over" in run.reason
@@ -96,6 +98,7 @@ def test_all_that_runs_can_be_ended_with_a_limit_or_without(limit: float | None,
     assert whole.halt[0] == 0 and not cells.any()
 
 
+@pytest.mark.long
 def test_ctrl_c_is_heard_within_a_step_that_takes_minutes() -> None:
     long = jam(3, 6, 1.0)
     rw.simulate(long, rw.QUASISTATIC_COMPLIANT, limit=0.5)  # loads kernels

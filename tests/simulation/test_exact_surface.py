@@ -48,6 +48,7 @@ def stops(run: rw.Run) -> tuple[float, float]:
     return float(t[np.argmax(still[:, 0])]), float(t[np.argmax(still[:, 1])])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rung", [rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT], ids=lambda rung: rung.name)
 def test_a_ring_whose_rim_is_as_fast_as_its_centre_stays_so_until_it_stops(rung: rw.Rung) -> None:
     """Then friction is 2 / pi of mu N along both, and it stops after pi v / (2 mu g); with the ellipsoid
@@ -68,6 +69,7 @@ def ring_forces(v: float, w: float) -> tuple[float, float]:
     return tuple(2.0 / math.pi * (e + total * slope * (4.0 * b / total**2 - 2.0 * m / total)) for b in (w, v))  # type: ignore[return-value]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("w", [0.05, 0.3, 2.0])
 def test_rings_slow_down_as_elliptic_integrals_say(w: float) -> None:
     run = rw.simulate(lying(0.6, w, RING, inertia=R * R), rw.DYNAMIC_RIGID, step=2.5e-4, duration=0.15)
@@ -93,6 +95,7 @@ def test_discs_come_to_rest_at_the_ratio_that_is_known() -> None:
     np.testing.assert_allclose(ends, 0.653, atol=0.02)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("pressure", [None, RING], ids=["disc", "ring"])
 def test_slide_and_spin_alone_are_those_of_the_ellipsoid(pressure: dict[str, Any] | None) -> None:
     lever = R if pressure else 2.0 * R / 3.0

@@ -55,6 +55,7 @@ def squeeze(seed: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     return scene, inputs
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.QUASISTATIC_COMPLIANT])
 def test_fingers_that_squeeze_take_the_steps_they_are_given(model: rw.Rung) -> None:
     ended = []
@@ -156,6 +157,7 @@ def press(seed: int) -> tuple[dict[str, Any], list[dict[str, Any]], float | None
     return scene, inputs, rng.choice([None, None, 1e-3 * size])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("first", "count"), [(0, 40), pytest.param(40, 300, marks=pytest.mark.long)])
 @pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.QUASISTATIC_COMPLIANT])
 def test_what_servos_press_is_moved(model: rw.Rung, first: int, count: int) -> None:

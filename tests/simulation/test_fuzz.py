@@ -58,7 +58,7 @@ def numbers(part: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-@pytest.mark.few(4)
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 @settings(deadline=None, derandomize=True, max_examples=30, suppress_health_check=list(HealthCheck))
 @given(data=st.data())

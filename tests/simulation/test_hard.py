@@ -44,6 +44,7 @@ def notes(monkeypatch: pytest.MonkeyPatch) -> dict[Path, Note]:
     return kept
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "model", "parameters", "outcomes"),
     [
@@ -68,6 +69,7 @@ def test_saved_problem_has_the_verdict_of_the_step(
     assert found == outcomes
 
 
+@pytest.mark.long
 def test_a_step_that_took_pivoting_has_its_velocities_again(tmp_path: Path, notes: dict[Path, Note]) -> None:
     rw.simulate("four_finger", rw.DYNAMIC_RIGID, parameters=THROWN, duration=1.2, save_hard=tmp_path)
     solved = [file for file in notes if "pivoting" in file.name or "enumeration" in file.name]

@@ -48,6 +48,7 @@ def thrown(rng: np.random.Generator) -> rw.Scene:
     return rw.load(data | {"duration": 1.0, "step": 1e-2})
 
 
+@pytest.mark.long
 def test_energy_that_impacts_add_is_reported_to_rounding() -> None:
     """Without loads, kinetic energy rises by what contacts add, and by nothing else."""
     rng, gained = np.random.default_rng(11), 0

@@ -160,7 +160,7 @@ def test_the_run_goes_on_after_its_schedule_where_a_duration_is_given() -> None:
     assert run.final["block"]["s"] == pytest.approx(0.25 * (0.3 + 1.0) / 2 + 0.75)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_run_cut_within_its_schedule_goes_on_bit_for_bit(
@@ -204,7 +204,7 @@ def arm(drive: str) -> rw.Scene:
     return rw.load(file | {"inputs": ["shoulder", "elbow"]})
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(7)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("drive", DRIVES)

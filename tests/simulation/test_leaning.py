@@ -66,6 +66,7 @@ def leaning(rng: np.random.Generator) -> tuple[dict[str, Any], list[rw.Segment]]
 MORE = [pytest.param(number, marks=pytest.mark.long) for number in range(8, 60)]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("number", [*HARD, *range(8), *MORE])
 def test_a_lifted_block_moves_on_in_usual_steps(number: int) -> None:
     rng = np.random.default_rng([number, 30])

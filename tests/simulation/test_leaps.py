@@ -82,7 +82,7 @@ CASES = {"chute": (chute, 0.97, 1.03), "tower": (tower, -0.01, 0.01), "ladder": 
 """How each case is made, and numbers with which it is in balance, and is not."""
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", SLOW)
 @pytest.mark.parametrize("case", CASES)
 def test_what_nothing_holds_is_unsupported_however_far_it_would_go(case: str, model: str) -> None:
@@ -120,6 +120,7 @@ def test_a_plate_that_tilts_lets_go_where_friction_ends(model: str) -> None:
         assert run.time == pytest.approx(ends, abs=2.0 * step)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", SLOW)
 def test_what_a_finger_lets_go_of_is_unsupported(model: str) -> None:
     for seed in range(9):
@@ -149,6 +150,7 @@ def test_what_a_finger_lets_go_of_is_unsupported(model: str) -> None:
         assert run.time == pytest.approx(ends, abs=2e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [None, 1e-6])
 def test_a_clip_that_snaps_without_damping_is_told(tol: float | None) -> None:
     """A load that grows presses the clip between its noses: past the greatest force nothing holds it."""
@@ -168,6 +170,7 @@ def test_a_clip_that_snaps_without_damping_is_told(tol: float | None) -> None:
         assert run.final["clip"]["x"] < 1e-3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [None, 1e-4])
 def test_what_settles_does_not_snap(tol: float | None) -> None:
     """Soft piles sink at once, and stay."""
@@ -204,6 +207,7 @@ def test_a_box_on_a_slope_settles_whatever_error_is_allowed(seed: int) -> None:
     assert run.final["box"]["angle"] == pytest.approx(turn, rel=0.2)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_what_falls_far_below_or_beside_something_heavy_is_unsupported(seed: int) -> None:
     """Two boxes, of very different masses, on a slope on which they slide or topple: without inertia no step
@@ -276,6 +280,7 @@ class Tip:
         }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", SLOW)
 def test_a_spring_that_snaps_over_a_ridge_is_told_however_little_it_moves(model: str) -> None:
     for seed in range(40):
@@ -288,6 +293,7 @@ def test_a_spring_that_snaps_over_a_ridge_is_told_however_little_it_moves(model:
         assert str(run.outcome) == "timeout", (seed, run.reason)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", SLOW)
 def test_a_load_that_jumps_between_steps_is_no_snap(model: str) -> None:
     """A spring under a load that jumps at a multiple of the step, by far more than the steps before."""

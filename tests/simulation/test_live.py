@@ -58,7 +58,7 @@ def alike(one: AnyRun, other: AnyRun) -> bool:
     return places and rates
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("name", TOLD)

@@ -83,7 +83,7 @@ def ends(run: rw.Run) -> NDArray[np.float64]:
     return np.array([[at["x"], at["y"]] for name, at in sorted(run.final.items()) if "piece" in name])
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("seed", "count", "fingers"), HEAPS)
 def test_heaps_of_pieces_are_pushed_as_slowly_with_inertia(seed: int, count: int, fingers: int) -> None:
     pieces = heap(count, fingers, seed)

@@ -82,7 +82,7 @@ def measured(scene: rw.Scene, model: rw.Rung, tols: tuple[float, ...]) -> tuple[
     return [run.attempts for run in runs], [float(np.abs(place(run) - reference).max()) for run in runs]
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("linked", [True, False])
 def test_steps_between_events_are_of_second_order(model: rw.Rung, linked: bool) -> None:
@@ -197,6 +197,7 @@ def test_a_contact_that_closes_yields_by_its_law(damping: float, tol: float) -> 
         assert run.final["part"]["x"] == pytest.approx(speed * duration - yielded, abs=tol)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-5])
 def test_turning_bodies_that_meet_a_floor_gain_no_energy(tol: float) -> None:
     """Capsules and boxes that turn while they fall: the far end comes round within a long step."""

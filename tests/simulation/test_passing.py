@@ -94,13 +94,13 @@ def check_stopped(model: rw.Rung, seed: int, count: int, driven: bool, outcomes:
         assert run.outcome.name in outcomes, (k, run.reason)
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("model", FAST, ids=str)
 def test_a_bullet_is_never_beyond_the_wall(model: rw.Rung) -> None:
     check_stopped(model, 5, 150, False, {"timeout", "model_invalid"})
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_what_is_driven_never_passes_either(model: rw.Rung) -> None:
     check_stopped(model, 6, 60, True, {"model_invalid" if model.compliant else "jammed"})
@@ -132,7 +132,7 @@ def swept(rng: np.random.Generator, count: int) -> rw.Scene:
     return rw.load(data | {"step": turn / speed / count})
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_sweeps_take_about_as_many_steps_as_asked_for(model: rw.Rung) -> None:
     rng = np.random.default_rng(7)

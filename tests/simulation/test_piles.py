@@ -98,7 +98,7 @@ def solved(
     return status, error, found
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("bodies", [CROWDED // 3 - 1, CROWDED // 3 + 5])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:
@@ -113,6 +113,7 @@ def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:
             np.testing.assert_allclose(sparse.v, dense.v, rtol=0.0, atol=1e-7 * (1.0 + abs(dense.v).max()))
 
 
+@pytest.mark.long
 def test_the_judge_agrees_to_the_last_digit() -> None:
     rng = np.random.default_rng(3)
     for seed in range(3):
@@ -125,6 +126,7 @@ def test_the_judge_agrees_to_the_last_digit() -> None:
             assert exertion_of(whole, answer) == exertion(p, sizes_of(p), answer)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_heaps_that_collapse_are_solved_by_their_few_entries(seed: int, tmp_path: Path) -> None:
     """Where modes do not settle, forces are found first; nothing is left to matrices without zeros."""
@@ -134,6 +136,7 @@ def test_heaps_that_collapse_are_solved_by_their_few_entries(seed: int, tmp_path
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_pile_repeats_and_does_not_depend_on_the_order_of_its_bodies() -> None:
     bodies = heap(24, 4)
     ends = []
@@ -144,6 +147,7 @@ def test_a_pile_repeats_and_does_not_depend_on_the_order_of_its_bodies() -> None
     np.testing.assert_allclose(ends[0], ends[2], atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_pyramid_at_rest_goes_on_by_the_same_forces() -> None:
     """Also where rounding decides which of two contacts of faces comes first: nothing is solved anew."""
     run = Simulation(on_ground(pyramid(13), duration=1.0), rw.DYNAMIC_RIGID)
@@ -152,6 +156,7 @@ def test_a_pyramid_at_rest_goes_on_by_the_same_forces() -> None:
     assert not run.workspace.scratch.v_new.any()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_a_pyramid_stands(model: rw.Rung) -> None:
     run = rw.simulate(on_ground(pyramid(9), duration=0.02), model)

@@ -91,6 +91,7 @@ def energy(v: Reals, inertia: float) -> float:
     return float(0.5 * (v[:2] @ v[:2] + inertia * v[2] ** 2))
 
 
+@pytest.mark.long
 def test_an_oblique_impact_has_two_phases() -> None:
     """Against both phases solved one after the other by trying every mode; Newton's law differs wherever slip
     stops or turns, and only there adds energy."""
@@ -115,6 +116,7 @@ def test_newton_adds_energy_where_slip_turns_and_poisson_does_not() -> None:
     assert newton.energy_gained > 1e-3 and poisson.energy_gained == 0.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("mu", [0.0, 0.4])
 def test_central_impacts_are_newtons(mu: float) -> None:
     """And so are all impacts of one contact without friction."""

@@ -174,6 +174,7 @@ def _excluded_by_every_mode(run: rw.Run, resisting: np.ndarray[Any, Any]) -> boo
     return True
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [14, pytest.param(40, marks=pytest.mark.long)])
 def test_exact_fits_on_compliant_contacts_rest_or_have_a_proof(count: int) -> None:
     """Compliant contacts press only as far as they yield: a body that fits exactly between others is in

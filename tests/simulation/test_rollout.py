@@ -195,6 +195,7 @@ def test_wrong_shapes_and_names(options: dict[str, Any], error: type[Exception],
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
 
 
+@pytest.mark.long
 def test_progress_and_interruption() -> None:
     scene, seen = rw.load("two_finger"), list[int]()
     rw.rollout(scene, "kinematic", inputs=draws()[0], durations=draws()[1], chunk=20, on_progress=seen.append)

@@ -26,6 +26,7 @@ def thrown(size: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("size", [1e-2, 1.0, 1e2])
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=str)
 def test_an_error_that_is_not_small_is_told(model: rw.Rung, size: float) -> None:

@@ -184,6 +184,7 @@ def test_inertia_that_is_not_accepted() -> None:
     assert rw.DYNAMIC_RIGID.with_inertia(0.5).inertia == 0.5
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("tiny", [1e-300, 5e-324])
 @pytest.mark.parametrize("option", ["tol", "step"])
@@ -343,6 +344,7 @@ RUNS = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", RUNS)
 def test_saved_runs_come_back_as_they_were(name: str, tmp_path: Path) -> None:
     run = RUNS[name]()
@@ -425,6 +427,7 @@ def test_long_steps_notice_a_condition_within_a_nominal_step(model: rw.Rung) -> 
     assert 3.7003 <= run.time <= 3.7003 + 1e-3
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_step_beyond_all_numbers_is_not_taken(model: rw.Rung) -> None:
     scene = slider({"speed": 1e10, "drive": {"kind": "force", "force": 1.0}, "damping": 1e-10}, wall=1.0)

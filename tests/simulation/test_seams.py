@@ -143,7 +143,7 @@ def scenes(rng: Generator, floors: str, kind: str, pushed: bool) -> tuple[Data, 
 KINDS = ("box", "disc", "capsule", "polygon", "pieces")
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("pushed", [False, True], ids=["thrown", "pushed"])
 @pytest.mark.parametrize("floors", ["bodies", "shapes", "outline"])
 @pytest.mark.parametrize("model", WELL_POSED, ids=str)

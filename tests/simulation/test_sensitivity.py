@@ -65,7 +65,7 @@ def taken(
     return np.concatenate([at.state.q, at.state.v])
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=lambda model: model.name)
 @pytest.mark.parametrize("case", CASES)
 def test_against_steps_taken(case: str, model: rw.Rung) -> None:

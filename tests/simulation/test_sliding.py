@@ -45,6 +45,7 @@ def block(slope: float, mu: float, **more: float) -> dict[str, float]:
     return {"slope": slope, "mu": mu, "mu_stack": mu, **more}
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 @pytest.mark.parametrize("slope", [0.1, 0.3, -0.45])
 def test_blocks_stay_iff_friction_holds(model: rw.Rung, slope: float) -> None:

@@ -82,6 +82,7 @@ def test_what_is_at_rest_stays_and_is_carried(model: rw.Rung, pile: str) -> None
     assert moved <= (1e-2 if model.compliant else 1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", RIGID, ids=str)
 @pytest.mark.parametrize("boxes", [pyramid(6), stack(20)], ids=("pyramid", "stack"))
 def test_twenty_boxes_rest_for_a_second_without_a_refused_step(

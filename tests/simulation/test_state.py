@@ -44,6 +44,7 @@ def taken(scene: rw.Scene, model: rw.Rung, steps: int, **options: Any) -> rw.Run
     return simulation.result()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize(
@@ -87,6 +88,7 @@ def test_a_cut_at_any_time_differs_by_no_more_than_the_error(model: rw.Rung) -> 
         assert again.final["part"]["x3"] == pytest.approx(whole.final["part"]["x3"], abs=1e-2)
 
 
+@pytest.mark.long
 def test_a_state_is_lifted_to_every_other_rung_and_to_other_parameters() -> None:
     """The part is pushed, and goes on being pushed: deformations and forces are found again where they are
     not handed on."""
@@ -194,7 +196,7 @@ def test_a_pickled_run_has_the_same_trajectory_and_states() -> None:
 LIFTED = [(low, high) for low in MOVING for high in MOVING if low != high]
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("low, high", LIFTED, ids=lambda model: model.name)
 def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_steps(
     low: rw.Rung, high: rw.Rung

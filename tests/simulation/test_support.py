@@ -94,6 +94,7 @@ def test_a_sticking_push_moves_the_part_as_its_ellipse_says() -> None:
         np.testing.assert_allclose(v, [*expected, turn], rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "model", ["quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid", "dynamic-compliant"]
 )
@@ -134,6 +135,7 @@ def test_one_axis_rubs_as_before() -> None:
     assert run.final["p"]["y"] == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.long
 def test_random_steps_of_one_body_and_one_contact_meet_the_law() -> None:
     """Balance and maximum dissipation of 2000 steps with inertia, and of 2000 in the limit without."""
     n = 3

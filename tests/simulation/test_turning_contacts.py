@@ -87,6 +87,7 @@ def test_overlap_that_turning_adds_is_taken_back_without_work(number: int) -> No
     assert ended(run) == pytest.approx(ended(exact), abs=3e-5)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("number", [21, 22, 73, 78, 134, 154, 337])
 def test_corners_that_strike_in_turn_move_as_without_restitution_as_it_vanishes(number: int) -> None:
     """Each strike is an impact: what it throws off is of the order of e, and of the step's error."""

@@ -153,7 +153,7 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 }
 
 
-@pytest.mark.few(40)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("tol", [None, 1e-3], ids=["fixed", "controlled"])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("name", SCENES)
@@ -165,7 +165,7 @@ def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
         assert not differing(here, there), units
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("first", range(0, 40, 10))
 def test_random_scenes(first: int) -> None:
     for number in range(first, first + 10):
@@ -177,6 +177,7 @@ def test_random_scenes(first: int) -> None:
             assert not wrong, (number, model.name, tol, units)
 
 
+@pytest.mark.long
 def test_random_scenes_run() -> None:
     """On every rung at least half of the scenes go on for several steps; in some, bodies push each other."""
     for model in MOVING:

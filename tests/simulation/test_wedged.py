@@ -28,6 +28,7 @@ def compare(found: rw.Rollouts, least: int) -> None:
         assert found.final[i] == pytest.approx(places, abs=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.long)])
 def test_wedged_boxes_end_rollouts(count: int) -> None:
     rng = np.random.default_rng(7)
@@ -76,7 +77,7 @@ def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long(
     compare(found, 1)
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("tol", "most"), [(TOL, 1000), (None, 2000)])
 def test_cups_wedged_between_pin_and_chute_come_to_rest(tol: float | None, most: int) -> None:
     """Bodies that hold a cup on all sides, and overlap it by rounding, cannot come apart, and are held. Pins

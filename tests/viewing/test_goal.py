@@ -16,6 +16,7 @@ DRAWN = {"push": "box", "book": "book", "card": "card", "corner_pivot": "block",
 NOT = ("two_finger", "four_finger", "gripper", "pivot", "grasp", "peg_in_hole")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", [*DRAWN, *NOT])
 def test_poses_that_goals_want(scene: str) -> None:
     loaded = rw.load(scene)
@@ -31,6 +32,7 @@ def test_poses_that_goals_want(scene: str) -> None:
         assert "pose that the goal wants" in {t.get_text() for t in strip([shown]).legends[0].texts}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("goal", "found"),
     [
@@ -64,7 +66,7 @@ IN_SPACE = {
 NOT_IN_SPACE = ("block_turn", "three_finger_lift", "peg", "ball")
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", [*IN_SPACE, *NOT_IN_SPACE])
 def test_poses_that_goals_want_in_space(scene: str) -> None:
     loaded = rw.load(scene)

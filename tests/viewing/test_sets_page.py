@@ -263,6 +263,7 @@ def test_two_parameters_are_a_map(flat: rw.FeasibleSet, tmp_path: Path) -> None:
         assert page.errors == []
 
 
+@pytest.mark.long
 def test_stored_runs_cover_every_way_to_end(found: list[rw.FeasibleSet]) -> None:
     points = sets.run_points(found, 30)
     labels = np.stack([each.labels(points) for each in found], axis=1)
@@ -274,6 +275,7 @@ def test_stored_runs_cover_every_way_to_end(found: list[rw.FeasibleSet]) -> None
     assert apart.min() > 0.05
 
 
+@pytest.mark.long
 def test_opens_on_a_model_with_something_to_show_and_frames_the_object(tmp_path: Path) -> None:
     """The kinematic rung leaves the part where it stands, whatever the jaws do; where they slide off it on
     the dynamic rung, their own force flings them metres away from a part of six centimetres."""
@@ -285,6 +287,7 @@ def test_opens_on_a_model_with_something_to_show_and_frames_the_object(tmp_path:
     assert 0.06 < x1 - x0 < 0.3 and 0.06 < y1 - y0 < 0.3
 
 
+@pytest.mark.long
 def test_opens_on_a_run_that_reaches_the_goal_where_the_middle_does_not(tmp_path: Path) -> None:
     """Jaws that press with 0 to 20 N hold the part of 0.5 kg where 2 mu squeeze is above its weight."""
     box = {"squeeze": (0.0, 20.0), "mu": (0.0, 0.4)}
@@ -306,12 +309,14 @@ def data_of(page: Path) -> dict[str, Any]:
     return dict(json.loads(found[1]))
 
 
+@pytest.mark.long
 def test_a_page_that_would_be_too_large_keeps_fewer_runs(flat: rw.FeasibleSet) -> None:
     whole = sets.page([flat])
     small = sets.page([flat], largest=len(whole) * 2 // 3)
     assert len(small) <= len(whole) * 2 // 3
 
 
+@pytest.mark.long
 def test_folders_of_sets_and_what_is_refused(
     found: list[rw.FeasibleSet], flat: rw.FeasibleSet, tmp_path: Path
 ) -> None:

@@ -77,6 +77,7 @@ def pages() -> dict[str, Page]:
     return {name: Page(text) for name, text in texts.items()}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_control_is_there_once(pages: dict[str, Page], kind: str) -> None:
     count = Counter(pages[kind].identities)

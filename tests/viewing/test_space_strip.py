@@ -85,6 +85,7 @@ def test_points_between_bodies_that_are_far_apart_are_not_drawn(film: Film, far:
     assert (drawn > 0) == seen
 
 
+@pytest.mark.long
 def test_runs_in_space_go_to_png_and_gif_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(save_gif, "__defaults__", (3, 1.0))
     run = rw.simulate("ball", rw.DYNAMIC_RIGID, duration=0.1)

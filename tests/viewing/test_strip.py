@@ -122,6 +122,7 @@ def test_the_size_of_a_broken_arrow_is_written_beside_the_strokes_that_break_it(
     assert not any(box.overlaps(line.get_window_extent()) for line in strokes)
 
 
+@pytest.mark.long
 def test_texts_of_a_strip_stay_in_its_frames(clips: list[Clip]) -> None:
     figure = strip(clips, 6)
     figure.canvas.draw()

@@ -94,6 +94,7 @@ def many(frames: int, touches: int, bodies: int) -> Clip:
     return Clip(**{**base.__dict__, **changed})
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("touches", "thinned"), [(40, False), (600, True)])
 def test_file_of_a_long_run_stays_below_five_megabytes(touches: int, thinned: bool) -> None:
     made = many(2000, touches, 60)
@@ -104,6 +105,7 @@ def test_file_of_a_long_run_stays_below_five_megabytes(touches: int, thinned: bo
     assert time[0] == 0.0 and time[-1] == np.float32(made.time[-1])
 
 
+@pytest.mark.long
 def test_view_writes_all_three_kinds(
     tmp_path: Path, runs: list[rw.Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,6 +55,7 @@ class Hand:
             end_all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_run_that_the_limit_ends_is_left_where_it_has_come_to(
@@ -100,6 +101,7 @@ def test_without_time_no_run_begins(scene: str, over: str, threads: int) -> None
         assert np.isnan(found.final).all() and np.isnan(found.margin).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("scene", "over"), [("two_finger", "v2"), ("slope", "mu")])
 def test_a_batch_keeps_its_limit(scene: str, over: str, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = rw.Batch(scene, "dynamic-rigid", [over], step=SHORT, tol=None, threads=1)

@@ -84,6 +84,7 @@ def arm_at_a_box(gravity: float = 0.0, on_joints: bool = False, goal: str = "box
     )  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("on_joints", [False, True])
 def test_joints_of_an_arm_are_those_by_which_it_was_posed(on_joints: bool) -> None:
     """Its rates are how its bodies move, and joints hold there."""
@@ -103,6 +104,7 @@ def test_joints_of_an_arm_are_those_by_which_it_was_posed(on_joints: bool) -> No
         assert not any("open" in note for note in (run.reason, *run.notes)), run.reason
 
 
+@pytest.mark.long
 def test_an_arm_is_placed_on_an_outline_where_it_reaches() -> None:
     work = begin(task_of(arm_at_a_box()), Budget(None, None), 0, 1)
     ground, q = Scene(work).grounds["box"], work.start.q[0]
@@ -135,6 +137,7 @@ def test_ways_of_an_arm_go_around_a_box() -> None:
     assert all(ground.look(finger.put(q, each)).touches.least[pair] > 0.0 for each in dense)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("gravity", "goal"),
     [

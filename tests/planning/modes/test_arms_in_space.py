@@ -151,6 +151,7 @@ def test_no_finger_touches_an_object_where_it_lies_on_a_table(
     assert np.isinf(none[under]).all()
 
 
+@pytest.mark.long
 def test_a_touch_is_supposed_to_be_as_it_is_where_an_arm_is_placed(tmp_path: Path) -> None:
     ground, one = arm(tmp_path), np.ones(1, np.int64)
     q = world_of(ground.task.scene).at(ground.task.parameters).q

@@ -104,7 +104,7 @@ TASKS = {
 }  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", list(TASKS))
 def test_chains_of_three_are_planned_and_lifted(name: str) -> None:
     found = rw.plan(TASKS[name], seed=0)

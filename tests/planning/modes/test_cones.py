@@ -29,6 +29,7 @@ def _problem(rng: np.random.Generator, kind: str) -> tuple[Reals, Reals]:
     return columns, wanted
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("kind", ["plain", "equal", "dependent", "weighted", "within"])
 def test_least_squares_of_forces_that_push_are_those_of_scipy(kind: str) -> None:
     rng = np.random.default_rng(0)

@@ -67,7 +67,7 @@ def pushed(ground: Ground, q: Reals, rng: np.random.Generator) -> tuple[Leg, See
     raise AssertionError("no leg")
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_tee_that_a_finger_pushes_goes_where_the_leg_says(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -84,6 +84,7 @@ def test_a_tee_that_a_finger_pushes_goes_where_the_leg_says(tmp_path: Path, seed
     assert ground.away(after.places.q[0], leg.way.places[-1]) < DRIFT * work.task.size
 
 
+@pytest.mark.long
 def test_pushes_and_the_friction_that_they_meet_balance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -364,6 +364,7 @@ def laid_out() -> _Laid:
     return _Laid()
 
 
+@pytest.mark.long
 def test_fingers_stay_on_the_object_between_moves(laid_out: _Laid, monkeypatch: pytest.MonkeyPatch) -> None:
     """If servos went straight to where they are to be, halfway there as well."""
     own = laid_out

@@ -183,6 +183,7 @@ def test_fingers_keep_to_an_object_that_lies_elsewhere(plane: bool) -> None:
     assert abs(before) > 5.0 * CLOSED * hand.size and abs(after) < 2.0 * CLOSED * hand.size
 
 
+@pytest.mark.long
 def test_cycles_give_values_to_all_inputs_and_lead_as_far_as_a_cycle_may() -> None:
     task = task_of(rw.load("hand_turn"))
     work = begin(task, Budget(1000, None), 0, 1)
@@ -226,7 +227,7 @@ def test_a_hand_goes_on_by_cycles_where_nothing_of_its_plan_leads_on(seed: int) 
     assert made >= 3
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_three_fingers_lift_a_ball_and_turn_it(seed: int) -> None:
     found = _plan(rw.load("ball_turn"), "dynamic-compliant", seed, 12_000)
@@ -241,6 +242,7 @@ def test_four_fingers_turn_what_lies_in_the_palm(cube: bool, turn: float, seed: 
     _plan(scene, "dynamic-compliant", seed, 10_000, turn=turn)
 
 
+@pytest.mark.long
 def test_where_fingers_cannot_come_to_the_object_the_reason_says_so_and_trees_end_at_once() -> None:
     far = unnamed_hand(0.5, 40).file.model_dump(mode="json", exclude_unset=True)
     far["bodies"]["disc"]["pose"]["y"] = 3.0
@@ -254,6 +256,7 @@ def test_where_fingers_cannot_come_to_the_object_the_reason_says_so_and_trees_en
     assert work.failures.total() <= IDLE * ABREAST
 
 
+@pytest.mark.long
 def test_a_plan_is_led_on_from_as_far_as_it_comes() -> None:
     task = task_of(unnamed_hand(0.8, 40))
     work = begin(task, Budget(40_000, None), 0, 1)

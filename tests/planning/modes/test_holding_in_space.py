@@ -84,7 +84,7 @@ def held(
     return ground, ground.look(q), np.ones(2, np.int64)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("kind", ["soft", "pad", "palm"])
 def test_two_soft_tips_and_two_palms_hold_a_box_that_two_hard_tips_do_not(
@@ -103,7 +103,7 @@ def test_two_soft_tips_and_two_palms_hold_a_box_that_two_hard_tips_do_not(
     assert not is_led(ground, seen, used, ())
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(10))
 def test_palms_turn_with_what_they_hold_as_far_as_their_joints_do(tmp_path: Path, seed: int) -> None:
     """A hinge about the vertical lets a box turn about that axis alone; slides let it turn about none."""
@@ -138,7 +138,7 @@ def test_cones_with_torsion_have_edges_about_the_normal() -> None:
     assert (ring[:8, 2] == 0.0).all() and (ring[8:, 2] == [1.0, -1.0]).all()
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("high", [0.01, 0.02, 0.04])
 def test_a_box_goes_over_a_wall_that_reaches_across_the_floor(tmp_path: Path, high: float) -> None:
     wall = f'<body pos=".12 0 {high}"><geom type="box" size=".01 .5 {high}"/></body>'

@@ -97,6 +97,7 @@ SIDES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", list(SIDES))
 def test_palms_lie_on_their_largest_flat_sides(name: str, tmp_path: Path) -> None:
     """And on those nearly as large, each with the opposite one; not on what is round."""

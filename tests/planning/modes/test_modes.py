@@ -259,7 +259,7 @@ def test_a_block_is_tipped_about_a_wall(seed: int) -> None:
     assert found.replay("quasistatic-rigid").outcome == rw.Outcome.GOAL
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_fingers_of_a_task_are_led_as_those_of_transit(seed: int) -> None:
     """The same block, with `task.fingers` in place of `transit`."""
@@ -341,6 +341,7 @@ def _impossible() -> dict[str, tuple[rw.Scene, str]]:
     return {"smooth": (smooth, "part"), "backwards": (rw.load(slow), "box")}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", _impossible())
 def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
     """Or that nothing came nearer than the start; no plan is said to lack nothing."""

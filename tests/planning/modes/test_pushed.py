@@ -84,6 +84,7 @@ def test_a_push_through_another_box_takes_the_friction_of_both(heavier: float) -
     assert found.pushes[0] == pytest.approx(RUB * (1.0 + heavier) * MASS * GRAVITY, rel=1e-2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("places", "shape", "contacts", "seed"),
     [
@@ -101,7 +102,7 @@ def test_a_box_pushes_another_to_its_goal(
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("near", [(-0.1, 0.0), (0.05, 0.08), (0.05, -0.09)])
 @pytest.mark.parametrize("robots", ["palm", "two fingers"])

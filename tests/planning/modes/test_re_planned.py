@@ -49,7 +49,7 @@ def drawn(plan: rw.Plan, number: int) -> dict[str, float]:
     return plan.parameters | {key: (1.0 + error) * plan.parameters[key] for key, error in errors.items()}
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", range(8))
 @pytest.mark.parametrize("name", ["card", "book"])
 def test_legs_are_proposed_anew_where_the_object_leaves_the_way(name: str, number: int) -> None:

@@ -99,6 +99,7 @@ def at_the_goal(scene: Any, seed: int = 0) -> tuple[Room, list[Reals]]:
     return room, room.goals(np.random.default_rng(seed), lambda: True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("goal", "enters"),
     [
@@ -116,6 +117,7 @@ def test_a_body_of_a_robot_comes_to_where_a_goal_asks_for_it(gantry: Any, goal: 
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
 
 
+@pytest.mark.long
 def test_arms_turn_at_half_of_their_rates_and_go_on_beyond_the_goal(gantry: Any) -> None:
     found = rw.plan(gantry(HOLE), seed=0)
     last = found.segments[-1].inputs["z_to"]
@@ -165,6 +167,7 @@ def test_a_few_places_at_the_goal_are_drawn(gantry: Any, monkeypatch: pytest.Mon
     assert at_the_goal(gantry(HOLE))[1] == []
 
 
+@pytest.mark.long
 def test_a_peg_leaves_a_hole_along_its_axis_until_it_is_clear(gantry: Any) -> None:
     room, goals = at_the_goal(gantry(HOLE))
     (entry,) = room.entries(goals[0])
@@ -173,6 +176,7 @@ def test_a_peg_leaves_a_hole_along_its_axis_until_it_is_clear(gantry: Any) -> No
     assert 0.1 * room.size <= free <= 0.25 * room.size
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "value"), [("FARTHEST", 0.1), ("STEP", 8.0), ("STRAIGHT", 0.0)])
 def test_with_other_numbers_it_finds_no_way_or_others(
     gantry: Any, monkeypatch: pytest.MonkeyPatch, name: str, value: float
@@ -232,6 +236,7 @@ def test_inputs_without_rates_cross_their_ranges_in_a_part_of_the_duration(gantr
     assert arm.rates[:3] == pytest.approx(1.0 / (0.2 * 4.0))
 
 
+@pytest.mark.long
 def test_entries_are_tried_slowly_shifted_and_tilted(gantry: Any) -> None:
     """Where the straight way does not come to the goal; small ones first."""
     task = task_of(gantry(HOLE))

@@ -51,6 +51,7 @@ def test_the_hand_turns_what_lies_in_its_palm(name: str, turn: float, seed: int)
     assert found is not None and found.course.reached, work.nearest
 
 
+@pytest.mark.long
 def test_a_hand_whose_last_joints_only_tendons_hold_has_five_fingers() -> None:
     scene = rw.load(DATA / "shadow_ball.yaml")
     run = rw.simulate(scene, "dynamic-compliant", duration=0.02)

@@ -38,6 +38,7 @@ def test_a_block_in_a_corner_is_not_raised_without_friction() -> None:
     assert still.final["finger"]["y"] == pytest.approx(0.05, abs=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "seed"),
     [

@@ -94,6 +94,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_places_lie_on_the_surface_evenly_and_normals_point_outwards(tmp_path: Path, shape: str) -> None:
     """The integral of the place along the normal is three times the volume; that of the normal vanishes."""
@@ -185,7 +186,7 @@ def test_a_push_behind_the_centre_leads_ahead_and_one_beside_it_turns(tmp_path: 
     assert abs(turned[0]) < 2.0 and turned[1] < 0.0 < turned[2]
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_finger_that_presses_on_top_drags_against_the_friction_of_its_own_load(
     tmp_path: Path, seed: int
@@ -210,6 +211,7 @@ def test_a_finger_that_presses_on_top_drags_against_the_friction_of_its_own_load
             assert down < 0.0 and math.hypot(*along) == pytest.approx(friction * load, rel=0.05)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("own", [True, False])
 @pytest.mark.parametrize("side", [0.0, 0.12])
 def test_a_way_past_a_post_keeps_an_object_on_its_floor(tmp_path: Path, side: float, own: bool) -> None:
@@ -256,6 +258,7 @@ def test_two_fingers_lead_a_box_on_a_floor_and_three_hold_one_above_it(tmp_path:
     assert STICK not in slides
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [

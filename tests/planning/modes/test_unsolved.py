@@ -36,7 +36,7 @@ def changed(name: str, **changes: Any) -> rw.Scene:
     return rw.load(data)
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "changes", "said"),
     [

@@ -32,6 +32,7 @@ def moving(x: float, y: float, turn: float) -> Any:
     return own
 
 
+@pytest.mark.long
 def test_an_edge_that_is_next_to_the_centre_of_a_turn_has_its_distance() -> None:
     """The load over the speed is twice asinh(1 / away), however near the edge is; on it, it is finite."""
     for away in (0.3, 1e-6, 5e-12):

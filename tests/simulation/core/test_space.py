@@ -97,7 +97,7 @@ def test_what_nothing_holds_falls_rests_or_is_unsupported(rung: Rung) -> None:
         assert stepper.certificate is not None and stepper.certificate.kind == "unsupported"
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_a_sphere_pushed_against_a_fixed_one_jams_or_sinks_in(rung: Rung) -> None:
     pusher = sphere(-0.5, 0.0, 0.1, driven=lambda _: (1.0, 0, 0, 0, 0, 0))

@@ -26,6 +26,7 @@ def slide(make: Make, actuator: str, joint: str = "", more: str = "", **fields: 
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("dyntype", ["filter", "filterexact"])
 @pytest.mark.parametrize("rung", [rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT], ids=lambda rung: rung.name)
 def test_a_filtered_force_comes_by_and_by(make: Make, dyntype: str, rung: rw.Rung) -> None:
@@ -51,6 +52,7 @@ def test_an_integral_stays_in_its_range(make: Make) -> None:
         assert places[-1] == pytest.approx(0.1, abs=5e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 def test_a_run_goes_on_with_its_activations(make: Make, rung: rw.Rung) -> None:
     actuators = (

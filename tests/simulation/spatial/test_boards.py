@@ -40,7 +40,7 @@ def slide(make: Make, model: str, floor: str, heading: float, kind: str = "box")
     return run
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["box", "cylinder"])
 @pytest.mark.parametrize("model", ["dynamic-rigid", "dynamic-compliant"])

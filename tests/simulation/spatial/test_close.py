@@ -71,7 +71,7 @@ def test_what_gravity_pulls_out_of_a_loose_tube_is_unsupported(make: Make, seed:
         )
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_thin_plates_fall_on_each_other(make: Make, seed: int, rung: Rung) -> None:

@@ -49,6 +49,7 @@ def block(
 # Restitution that falls with speed, and Poisson's.
 
 
+@pytest.mark.long
 def test_restitution_falls_above_the_yield_speed(make: Make) -> None:
     for speed, law in ((0.4, {}), (2.0, {}), (2.0, POISSON)):
         model = world(FLOOR, free("ball", "0 0 .15", 'size=".1"'), before=NO_GRAVITY)
@@ -109,7 +110,7 @@ def drawn(rng: np.random.Generator) -> Case:
 KANE = ((-0.3, -1.0, 0.0), -0.9, 0.6, 0.9, 1.0 / 12.0)
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("law", [{}, POISSON], ids=["newton", "poisson"])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_rod_strikes_a_floor_as_in_the_plane(make: Make, law: dict[str, Any], seed: int) -> None:
@@ -120,7 +121,7 @@ def test_a_rod_strikes_a_floor_as_in_the_plane(make: Make, law: dict[str, Any], 
         np.testing.assert_allclose(in_space(make, case, law, turn), in_the_plane(case, law), atol=1e-8)
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_poissons_law_adds_no_energy(make: Make, seed: int) -> None:
     """Bodies of any shape and inertia that strike a floor at any pose, with sliding friction, and with
@@ -169,7 +170,7 @@ def test_impacts_of_many_bodies_are_those_of_each(make: Make) -> None:
 # Static friction.
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_slope_holds_a_block_up_to_the_static_angle(make: Make, rung: Rung, turn: float) -> None:
@@ -238,7 +239,7 @@ def hanging(make: Make, part: float, law: dict[str, Any]) -> Any:
     )
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("part", [0.99, 1.01])
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_ball_hangs_by_adhesion_up_to_its_pull(make: Make, rung: Rung, part: float) -> None:

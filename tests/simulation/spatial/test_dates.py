@@ -19,7 +19,7 @@ STEP = 2e-3
 DRIVEN = '<body name="p"><joint name="j" type="slide"/><geom size=".1" mass="1"/></body>'
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3, 1e-1])
 @pytest.mark.parametrize("at", [0.1234, 0.4, 0.777])
@@ -48,7 +48,7 @@ def test_a_condition_that_holds_on_the_way_alone_is_seen(make: Make, rung: Rung,
     assert found.outcome.name == "unsafe" and abs(found.time - 0.5) <= STEP + 1e-9
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(7)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("at", [0.0517, 0.2, 0.333])

@@ -48,6 +48,7 @@ def test_a_thrown_ball_flies_on_the_parabola_of_the_scheme(make: Make, rung: Run
     np.testing.assert_allclose(q(found)[3:], [np.cos(1.5 * t), 0.0, np.sin(1.5 * t), 0.0], atol=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("restitution", [0.8, 1.0])
 def test_a_ball_bounces_to_the_square_of_its_restitution(make: Make, restitution: float) -> None:
     scene = make(

@@ -55,7 +55,7 @@ WALLS = "".join(
 )
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 2, 3, 5, 6])
 def test_heaps_of_cylinders_and_ellipsoids_fall_on_rigid_contacts(make: Make, seed: int) -> None:
     draw = np.random.default_rng(seed)

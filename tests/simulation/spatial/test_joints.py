@@ -23,6 +23,7 @@ DOUBLE = (
 RADIAN = '<compiler angle="radian"/>'
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_a_pendulum_swings_at_its_frequency(make: Make, rung: Rung) -> None:
     body = (
@@ -142,6 +143,7 @@ def test_a_motor_pushes_with_its_gain_within_its_range_of_control(make: Make, ru
 HUNG = '<body name="p" pos="0 0 1"><freejoint/><geom size=".1" mass="2" pos="0.3 0 0"/></body>'
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_a_connection_holds_while_its_body_swings(make: Make, rung: Rung) -> None:
     """A body on a connection swings as a pendulum on a hinge does."""
@@ -209,6 +211,7 @@ def test_coupled_joints_move_together(make: Make, rung: Rung) -> None:
     assert abs(reaction) == pytest.approx(2.0 * abs(-0.25 * fall + G), rel=1e-6)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_fixed_tendon_carries_a_servo_and_a_spring(make: Make, rung: Rung) -> None:
     """Both pull at j + 2 k; the two slides have springs of their own that say which of them gives way."""

@@ -19,7 +19,7 @@ DRIVEN = '<body name="p"><joint name="j" type="slide"/><geom size=".1" mass="1"/
 INPUT = {"parameters": {"u": {"default": 1.0}}, "inputs": ["u"], "speeds": {"p.j": "u"}}
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_a_way_through_a_region_is_timed_from_where_it_enters(
@@ -39,7 +39,7 @@ def test_a_way_through_a_region_is_timed_from_where_it_enters(
             assert not met or found.time == pytest.approx(a / abs(v) + factor * lasts, abs=1e-9)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_what_is_interrupted_begins_anew(make: Make, rung: Rung, tol: float | None) -> None:

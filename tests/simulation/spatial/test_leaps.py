@@ -89,7 +89,7 @@ def test_arms_on_springs_that_cannot_hold_them_are_told(make: Make, seed: int, r
         assert found.outcome.name in (("timeout", "model_invalid") if leaps else ("timeout",))
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_heavy_stacks_on_soft_contacts_sink_in_topple_or_stand(make: Make, seed: int) -> None:
     random, height, bodies = np.random.default_rng(seed), 0.0, ""

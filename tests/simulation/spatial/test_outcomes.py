@@ -33,6 +33,7 @@ def _wall(name: str, x: float) -> str:
     ).replace('"s"', f'"s_{name}"')
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_three_fingers_that_close_on_a_ball_jam_or_sink_in(make: Make, rung: Rung) -> None:
     """Somewhat above its middle: with the floor, the ball cannot give way. Rigid contacts end there, with a
@@ -93,7 +94,7 @@ def test_a_contact_that_is_too_soft_ends_the_run(make: Make) -> None:
         assert run(scene, rung).outcome.name == "model_invalid"
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_conditions_read_gaps_forces_speeds_and_places(make: Make, rung: Rung) -> None:
     scene = make(

@@ -85,7 +85,7 @@ def _thrown(make: Make, seed: int) -> SpaceScene:
     )  # fmt: skip
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", [RIGID, COMPLIANT], ids=named)
 @pytest.mark.parametrize("seed", range(12))
 def test_what_is_thrown_in_a_room_stays_in_it(make: Make, seed: int, rung: rw.Rung) -> None:

@@ -17,7 +17,7 @@ BODIES = (
 )
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("damping", [0.1, 3e-3, 3e-4, 3e-5])
 def test_the_rounding_of_forces_does_not_move_a_body_that_is_pushed(damping: float, tmp_path: Path) -> None:
     """Inertia far below faint damping of the finger's joints would let it: the body sinks or rises by a tenth

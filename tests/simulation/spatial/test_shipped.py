@@ -33,6 +33,7 @@ def test_three_fingers_that_slip_leave_the_ball() -> None:
     assert found.final["ball"]["z"] == pytest.approx(0.05, abs=1e-6)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("offset", [0.0025, -0.0015])
 def test_a_peg_finds_its_hole(rung: Rung, offset: float) -> None:

@@ -171,6 +171,7 @@ def _twin(make: Make, pace: float, spin: float) -> rw.Scene | Any:
     )  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 @pytest.mark.parametrize(("pace", "spin"), [(1.0, 0.0), (1.0, -10.0), (2.0, 1.0)])
 def test_a_scene_in_space_and_its_planar_twin_agree(make: Make, rung: Rung, pace: float, spin: float) -> None:
@@ -221,7 +222,7 @@ def begun(name: str, rung: Rung, until: float) -> tuple[Any, Any, Start, tuple[s
     return here, changes, start, names
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "until", "rung"),
     [
@@ -300,6 +301,7 @@ def test_a_step_that_is_linearised_again(make: Make) -> None:
         assert step.dv[0, 0] == pytest.approx((high.v[0] - low.v[0]) / 2e-7, rel=1e-4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["three_fingers", "floor_push"])
 def test_derivatives_follow_features_over_steps(name: str) -> None:
     """A chain of two steps, deformations included, against differences of both together."""
@@ -339,6 +341,7 @@ def test_a_contact_with_two_slopes_is_named() -> None:
         rw.step_sensitivity("stack", "dynamic-rigid", None, q, np.zeros(60), H, wrt=("q",))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("change", "message"),
     [

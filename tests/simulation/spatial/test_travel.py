@@ -53,6 +53,7 @@ def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients:
     assert met <= {lower}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("coefficients", COEFFICIENTS, ids=str)
 @pytest.mark.parametrize("rung", RIGID[-1:], ids=named)
 def test_an_end_of_a_tendon_stops_the_pull_that_it_should(

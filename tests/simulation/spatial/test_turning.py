@@ -75,6 +75,7 @@ def test_energy_that_arms_gain_is_told(
     assert told or not gained > PART
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_arms_that_are_followed_gain_nothing_worth_telling(make: Make, rung: Rung) -> None:
     """A double pendulum that swings, an arm that a servo lifts slowly, and a ball that tumbles far."""

@@ -80,6 +80,7 @@ def assert_gap(planar: Callable[..., Any], a: dict[str, Any], b: dict[str, Any])
         assert gap <= 1e-12 - radii
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("count", [80, pytest.param(400, marks=pytest.mark.long)])
 @pytest.mark.parametrize("size", [0.4, 1.0, 4.0])
 def test_gap_is_that_of_shapely(planar: Callable[..., Any], size: float, count: int) -> None:
@@ -130,6 +131,7 @@ def test_what_lies_in_line_with_a_capsule_is_apart(
     assert points[0, 1:3] == pytest.approx([-np.cos(angle), -np.sin(angle)], abs=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_gap_to_a_half_plane(planar: Callable[..., Any], kind: str) -> None:
     rng = np.random.default_rng(KINDS.index(kind))

@@ -100,6 +100,7 @@ def test_a_plate_that_presses_at_a_small_angle_and_hangs_over_an_edge_touches_wi
     assert mended > 20
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("least", "most", "depth", "deepest"), [(3e-3, 6e-3, 1e-4, 1e-5), (0.2, 0.6, 2e-3, 2e-3)]
 )

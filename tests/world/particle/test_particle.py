@@ -69,7 +69,7 @@ def test_a_quasistatic_puck_rests_where_loads_balance(scene: ParticleScene) -> N
     assert run.final["puck"]["x"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 def test_runs_go_on_from_their_states_bit_for_bit(
     scene: ParticleScene, rung: rw.Rung, tmp_path: Path
@@ -91,7 +91,7 @@ def test_inputs_over_time_and_conditions(scene: ParticleScene) -> None:
     assert run.final["finger"]["x"] == pytest.approx(-0.1, abs=2e-3)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_conditions_that_must_hold_for_a_time(scene: ParticleScene, rung: rw.Rung, tol: float | None) -> None:
@@ -140,6 +140,7 @@ def test_sets_over_parameters_and_states(scene: ParticleScene, tmp_path: Path) -
         rw.feasible_set(scene, rw.KINEMATIC, ("vx",), solutions="possible")
 
 
+@pytest.mark.long
 def test_a_puck_beyond_its_goal_is_lost_and_no_other(scene: ParticleScene) -> None:
     """A finger that only goes forward takes nothing back: behind the puck, the set is puck.x > 0.6 whatever
     the finger does. Ahead of the puck it leaves the box, which counts as reaching the goal."""
@@ -155,6 +156,7 @@ def test_a_puck_beyond_its_goal_is_lost_and_no_other(scene: ParticleScene) -> No
     assert lost[behind & (points[:, 0] > 0.6 + 1.01 * found.unit[0])].all()
 
 
+@pytest.mark.long
 def test_plans_are_found_saved_verified_and_diagnosed(
     scene: ParticleScene, plan: rw.Plan, tmp_path: Path
 ) -> None:
