@@ -114,6 +114,7 @@ $(INSTALLED): pyproject.toml
 		echo "$$python -m venv $(VENV)"; \
 		"$$python" -m venv --clear $(VENV); }
 	$(PIP_INSTALL) -e .
+	$(BIN)/python -m compileall -q src/rungwise
 	@touch $@
 
 $(INSTALLED_VIEW): $(INSTALLED)

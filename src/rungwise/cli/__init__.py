@@ -5,6 +5,7 @@ Exit codes: 0 the answer is positive, 1 it is negative or open, 2 bad input, 130
 
 from __future__ import annotations
 
+import gc
 import sys
 from typing import Annotated, Any
 
@@ -56,8 +57,13 @@ _USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """The base of click's errors, wherever this version of typer takes click from."""
 
 
+RARELY = 50_000
+"""New objects after which garbage is looked for: most of what a command makes at first, it keeps."""
+
+
 def main() -> None:
     """Entry point: errors of use are one line and exit code 2, too."""
+    gc.set_threshold(RARELY)
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     if sys.argv[1:2] == ["--version"]:

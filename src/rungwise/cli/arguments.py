@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rungwise.cli.terminal import refuse
-from rungwise.stored import remove
 
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
@@ -208,6 +207,8 @@ def unused(out: Path | None, force: bool, resume: bool | None = None, option: st
             goes_on = "" if resume is None else ", --resume goes on from it"
             refuse(f"{option}: {out} exists; --force overwrites it{goes_on}")
     if force and resume is False:
+        from rungwise.stored import remove
+
         for request in out.rglob("request.json"):
             for name in ("batches", "set.zarr", request.name):
                 remove(request.with_name(name))

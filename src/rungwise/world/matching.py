@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
@@ -63,6 +62,8 @@ def damping_ratio(bounce: float) -> float:
     """The damping ratio whose impact has this restitution, in (0, 1]."""
     if bounce >= 1.0:
         return 0.0
+    from scipy.optimize import brentq
+
     return float(brentq(lambda ratio: restitution(ratio) - bounce, 0.0, 1.0 / math.sqrt(bounce)))
 
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from rungwise.contact.judge.certificate import Certificate, check
-from rungwise.contact.judge.farkas import Infeasible, proves
-from rungwise.contact.prepare.system import scaled
-from rungwise.contact.problem import Problem
 from rungwise.contact.step.problem import ContactProblem
 
 
@@ -14,5 +11,10 @@ def check_in_space(problem: ContactProblem, certificate: Certificate) -> bool:
     vectors of the scaled problem."""
     if certificate.kind != "frictional":
         return check(problem, certificate)
+    # Few runs need what scaled problems need, and it takes long to import.
+    from rungwise.contact.judge.farkas import Infeasible, proves
+    from rungwise.contact.prepare.system import scaled
+    from rungwise.contact.problem import Problem
+
     given = Problem.of(problem)
     return proves(given, scaled(given), Infeasible("jammed", certificate.modes, certificate.vectors))

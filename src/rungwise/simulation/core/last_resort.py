@@ -6,9 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
-from rungwise.contact.problem import BeyondScale
-from rungwise.contact.solution import Status
-from rungwise.contact.solve import solve
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import Deadline
 from rungwise.simulation.core.state import Scratch, State, Trial
@@ -30,6 +27,11 @@ def ask(
     """Whether `rw.solve` solves a step's problem, and else the checked certificate of a jam, if there is one.
     The forces of a solution become the forces to start from. A step so short that no numbers scale its
     problem is not solved. Raises TimeOver."""
+    # Few runs need it, and it takes long to import.
+    from rungwise.contact.problem import BeyondScale
+    from rungwise.contact.solution import Status
+    from rungwise.contact.solve import solve
+
     try:
         answer = solve(problem, limit=deadline.seconds)
     except BeyondScale:

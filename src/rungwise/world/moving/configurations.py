@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT, Tool
 from rungwise.world.moving.instance import MovingInstance, body_of
-from rungwise.world.moving.place import MovingPlace
+
+if TYPE_CHECKING:
+    from rungwise.world.moving.place import MovingPlace
 
 
 class StraightWays:
