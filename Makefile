@@ -39,13 +39,13 @@ demo: $(INSTALLED_VIEW)
 # Kernels are compiled and cached once, by two processes, before tests need them in parallel.
 test: $(INSTALLED_DEV)
 	$(MAKE) --jobs 2 runs lint solvers
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 long: $(INSTALLED_DEV)
-	$(BIN)/python -m pytest -n 2 -m long
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m long
 
 pages: $(INSTALLED_DEV)
-	$(BIN)/python -m pytest -n 2 -m 'pages and not long'
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m 'pages and not long'
 
 # The kernels of BLAS that other processors take, where this one can run them; and our kernels for any processor.
 BLAS := $(if $(filter x86_64,$(shell uname -m)),Prescott Haswell $(shell grep -qw avx512f /proc/cpuinfo && echo SkylakeX))
@@ -55,10 +55,10 @@ elsewhere: $(BLAS:%=with-%) with-any-processor
 
 with-any-processor: $(INSTALLED_DEV)
 	$(ANY_PROCESSOR) $(MAKE) --jobs 2 kernels
-	$(ANY_PROCESSOR) $(BIN)/python -m pytest -n 2 $(TESTS)
+	$(ANY_PROCESSOR) $(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 with-%: $(INSTALLED_DEV)
-	OPENBLAS_CORETYPE=$* $(BIN)/python -m pytest -n 2 $(TESTS)
+	OPENBLAS_CORETYPE=$* $(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 kernels: runs solvers
 

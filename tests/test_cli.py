@@ -121,7 +121,7 @@ def test_schema(rungwise: Command) -> None:
     assert {"name", "bodies", "goal"} <= set(rw.schema()["properties"])
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", rw.shipped())
 def test_check(rungwise: Command, name: str) -> None:
     answer = rungwise("check", name, "--json")
@@ -245,7 +245,7 @@ WRONG += [
 ]
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])
 @pytest.mark.parametrize(("arguments", "words"), WRONG, ids=lambda x: ascii(" ".join(map(str, x))[:60]))
 def test_wrong_use(
@@ -321,6 +321,7 @@ def test_a_scene_from_a_file(rungwise: Command, scene_file: Callable[..., Path])
     assert report["final"]["block"]["x"] == pytest.approx(0.25, abs=0.02)
 
 
+@pytest.mark.long
 def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "run"
     first = rungwise(*SIM, "--out", folder, "--json").json
@@ -585,7 +586,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
     assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -833,7 +834,7 @@ def test_each_command_that_can_take_long_has_one_limit() -> None:
     assert helps.keys() >= WORK.keys() and len(set(helps.values())) == 1
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", WORK)
 def test_a_command_without_time_says_so(name: str, rungwise: Command, tmp_path: Path) -> None:
     """In one line where there is nothing to tell; none has a positive answer but pictures."""

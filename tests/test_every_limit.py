@@ -287,7 +287,7 @@ def test_each_call_with_a_limit_is_tried_without_time() -> None:
     assert set(CALLS) == LIMITED
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CALLS)
 def test_a_call_without_time_says_so(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     call, says = CALLS[name]
@@ -384,7 +384,7 @@ def test_a_doomed_set_keeps_whole_rounds(
     assert rw.load_doomed_set(tmp_path).unfinished == found.unfinished
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("looks", [0, 2, 8])
 def test_a_set_that_a_limit_ends_is_resumed(
     looks: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

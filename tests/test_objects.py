@@ -64,6 +64,7 @@ MADE: dict[str, Callable[[float], Any]] = {
 }  # fmt: skip
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("name", MADE)
 def test_results_are_equal_by_content_and_copies_of_them_are(name: str) -> None:
     made, again, other = MADE[name](0.9), MADE[name](0.9), MADE[name](0.95)

@@ -119,7 +119,7 @@ def named(file: Path) -> set[str]:
     return {n for n in ticked | set(re.findall(rf"(?<![\w./-]){FILE}\b", text)) if "NAME" not in n}
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("folder", [*FOLDERS, "pages"])
 def test_what_prose_names_exists(folder: str) -> None:
     read = PAGES if folder == "pages" else sorted((ROOT / folder).rglob("*.py"))

@@ -245,7 +245,7 @@ def test_unsupported_needs_more_than_the_drives_give(body):
     assert not check(p, found)
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(10)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("value", [1e308, 5e-324, np.inf, np.nan])
 @pytest.mark.parametrize("name", ["H", "c", "W", "w"])

@@ -68,6 +68,7 @@ def schur(problem: rw.Problem, system: System) -> np.ndarray:
     return left * system.force / system.rate[:, None]
 
 
+@pytest.mark.few(3)
 def test_the_product_is_the_matrix(problem: rw.Problem) -> None:
     system = scaled(problem)
     assert system.product is not None
@@ -82,7 +83,7 @@ def test_the_product_is_the_matrix(problem: rw.Problem) -> None:
     )
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_linear_systems_are_solved_in_velocities(problem: rw.Problem) -> None:
     system, rng = scaled(problem), np.random.default_rng(3)
     assert system.condensed is not None

@@ -92,6 +92,7 @@ def test_the_traps() -> None:
     np.testing.assert_allclose(np.minimum(game.z, w), 0.0, atol=1e-10)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("name", ["lcp_CPS_1.dat", "lcp_CPS_3.dat", "lcp_Pang_isolated_sol.dat"])
 @pytest.mark.parametrize("small", [1.0, 1e-6, 1e-12])
 def test_a_trap_with_a_row_that_nothing_satisfies_is_never_solved(name: str, small: float) -> None:

@@ -102,6 +102,7 @@ def test_no_random_problem_is_lied_about(seed: int) -> None:
     assert met["not_converged"] <= 0.03 * TRIALS
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("seed", range(10))
 def test_the_path_alone_solves_what_all_solvers_do(seed: int) -> None:
     """Its steps are taken again, shorter, where corrections would leave the cones."""

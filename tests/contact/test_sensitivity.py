@@ -105,7 +105,7 @@ def one_contact(
     return p
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("directions", [2, 3])
 @pytest.mark.parametrize("c", [(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.5, 0.0), (-1.0, 0.3, 0.4)])
 def test_one_sided_at_a_change_of_mode(directions: int, c: tuple[float, ...]) -> None:

@@ -60,7 +60,7 @@ def prepared(scene: dict[str, Any], motions: rw.Motions) -> Prepared:
     return prepare(scene, rw.DYNAMIC_RIGID, motions, "damping", None, None, OPTIONS)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("angles_only", [False, True])
 @pytest.mark.parametrize("links", [1, 2, 3])
 def test_runs_begin_with_joints_that_hold(links: int, angles_only: bool) -> None:

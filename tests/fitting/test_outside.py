@@ -59,7 +59,7 @@ def test_motions_of_the_scene_itself_are_explained(seed: int) -> None:
     assert not found.outside and found.verdict.startswith("explained")
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("span", [np.inf, None])
 @pytest.mark.parametrize("seed", range(20))
 def test_motions_without_velocities_are_explained(seed: int, span: float | None) -> None:

@@ -82,6 +82,7 @@ def test_intervals_of_a_straight_line_are_those_of_students_t(trials: int) -> No
     assert np.mean(widths) == pytest.approx(np.mean(expected), rel=0.12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("spread", [0.0, 1.0])
 def test_intervals_hold_the_true_value_where_few_trials_say_most(spread: float) -> None:
     """Straight lines, whose trials say equally much, or some of them ten times as much as others."""

@@ -57,7 +57,7 @@ def test_each_shipped_scene_with_inputs_is_registered_on_each_rung_that_moves() 
     assert isinstance(env, SceneEnv) and env.settings.hold == 1.0
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("options", [{}, {"step": 2e-3}, {"ramp": True, "theta": 0.5}, {"ramp": False}])
 @pytest.mark.parametrize("model", ["kinematic", "quasistatic-rigid", "dynamic-rigid", "dynamic-compliant"])
 def test_an_episode_is_the_run_that_is_not_interrupted(model: str, options: dict[str, Any]) -> None:

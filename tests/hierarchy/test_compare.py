@@ -96,6 +96,7 @@ def test_order_in_inertia_is_one_on_supports_with_damping() -> None:
     assert fit.order == pytest.approx(1.0, abs=0.05) and fit.error < 0.05
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("path", "ratio", "order"), [(RATIO, 0.3, 0.5), (UNDAMPED, 0.3, 0.5), (PROPORTIONAL, 3.5, 1.0)]
 )

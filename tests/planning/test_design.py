@@ -30,6 +30,7 @@ def slot(low: float = -0.3, high: float = 0.5, **fields: Any) -> rw.SceneBuilder
     return s
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", ["kinematic", "quasistatic-rigid"])
 def test_two_fingers_close_best_in_the_middle_of_the_band(model: str) -> None:
     """Caught for v2 in [1/2, 2] and offsets of the part in [-1/2, 1/2]: a rectangle."""

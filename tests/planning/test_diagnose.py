@@ -31,7 +31,7 @@ def push(speed: float) -> list[rw.Segment]:
     return [rw.Segment({"ux": 1.0}, 0.1 / speed), rw.Segment({"ux": 0.0}, max(1.0, 0.1 / speed))]
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("cause", CASES)
 def test_cause_is_the_ingredient_that_was_changed(cause: str) -> None:
     own, change, before, after = CASES[cause]
@@ -86,6 +86,7 @@ def test_kinematic_rung_differs_in_how_it_chooses_motions() -> None:
     assert "another motion was admissible" in str(found)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("after", ["kinematic", Q, D])
 def test_what_snaps_because_contacts_yield_jams_without(after: str) -> None:
     """Also against the kinematic rung, which differs in all else, too."""

@@ -82,7 +82,7 @@ def way_of(plan: rw.Plan) -> Reals:
     return np.array([start, *plan.waypoints])
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", BENT)
 def test_ways_around_posts_touch_nothing_and_end_at_the_goal(seed: int) -> None:
     plan = rw.plan("push", task_seed=seed, to="geometric")
@@ -114,7 +114,7 @@ def test_coordinates_keep_their_travel(name: str) -> None:
         assert (way_of(plan) >= travel["lower"]).all() and (way_of(plan) <= travel["upper"]).all()
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("thickness", [0.2, 1e-2, 1e-3])
 def test_thin_walls_are_not_jumped(thickness: float) -> None:
     """Two bodies change sides through the gate of a wall, however thin it is."""
@@ -159,7 +159,7 @@ def test_the_same_seed_gives_the_same_way() -> None:
     assert one.waypoints == two.waypoints != other.waypoints
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", TASKS)
 def test_goals_of_tasks_have_places_also_where_contacts_must_close(name: str) -> None:
     """No false alarm: neither with two contacts to be closed within a millionth, nor with forces."""

@@ -56,6 +56,7 @@ def test_transits_touch_nothing(found: rw.Plan) -> None:
             assert (data.gap.values[within][:, rod] > 0.0).all()
 
 
+@pytest.mark.long
 def test_every_stage_is_recorded_with_its_steps(found: rw.Plan) -> None:
     assert [record.stage for record in found.records] == [
         "quasistatic-rigid @ 0.001", "dynamic-compliant @ 0.001",

@@ -124,6 +124,7 @@ def test_what_is_no_number_is_lost_and_inputs_stay() -> None:
     assert policy.status == LOST and policy.reason == "what is measured is not finite"
 
 
+@pytest.mark.long
 def test_a_policy_that_finds_nothing_tries_ever_more_rarely(monkeypatch: pytest.MonkeyPatch) -> None:
     """The box is seen to lie elsewhere for as long as a policy may take, and no search finds anything."""
     policy = policy_of("push").plan.policy()
@@ -298,7 +299,7 @@ def leaning(raised: float) -> tuple[rw.Policy, rw.State]:
     return policy, rw.State(tuple(names), q, np.zeros(len(policy.plan.scene.template.velocities)))
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("raised", [0.0, 0.1])
 def test_fingers_let_go_where_nothing_leads_on_unless_the_object_falls_far(
     raised: float, monkeypatch: pytest.MonkeyPatch

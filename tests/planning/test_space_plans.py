@@ -155,6 +155,7 @@ def test_plans_depend_on_the_seed(drawn: rw.Plan, scene: SpaceScene) -> None:
     assert other.segments != drawn.segments
 
 
+@pytest.mark.long
 def test_a_plan_is_saved_and_loaded(plan: rw.Plan, tmp_path: Path) -> None:
     loaded = rw.load_plan(plan.save(tmp_path / "plan.json"))
     assert loaded.text() == plan.text()

@@ -47,7 +47,7 @@ def test_one_squeeze_orients_a_regular_polygon(sides: int) -> None:
     assert plan.period == pytest.approx(2.0 * math.pi / (sides * (1 + sides % 2)))
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(40))
 def test_least_diameters_are_where_squeezes_end(seed: int) -> None:
     function = rw.squeeze_plan(outline(seed)).function

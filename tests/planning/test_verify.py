@@ -54,6 +54,7 @@ def test_samples_that_failed_fail_again(plan: rw.Plan) -> None:
     assert margins == sorted(margins)
 
 
+@pytest.mark.long
 def test_re_planning_reads_the_actual_state_and_mends(plan: rw.Plan) -> None:
     """Samples that fail open loop come to the goal, and executions are reproducible."""
     blind = rw.verify(plan, samples=60)
@@ -97,6 +98,7 @@ def test_what_cannot_be_verified_is_refused(plan: rw.Plan) -> None:
         rw.verify(plan, samples=0)
 
 
+@pytest.mark.long
 def test_without_uncertainty_the_plan_is_run_as_it_is() -> None:
     plan = rw.plan(scene({}), task_seed=4, to="quasistatic-rigid")
     found = rw.verify(plan)

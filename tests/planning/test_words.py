@@ -37,7 +37,7 @@ def drawn(kind: str, seed: int) -> rw.Diagnosis:
             return found
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", SAID)
 def test_cause_is_said_with_its_numbers(kind: str) -> None:
     found = drawn(kind, 1)

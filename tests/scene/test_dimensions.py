@@ -51,7 +51,7 @@ def with_parameter(node: Any, path: str = "") -> list[tuple[str, Any]]:
 CASES = [(where, data) for whole in (PLANE, SPACE) for where, data in with_parameter(whole)]
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(10)
 @pytest.mark.parametrize(("where", "data"), CASES, ids=[where for where, _ in CASES])
 def test_units_of_another_dimension_are_refused_at_every_place(where: str, data: dict[str, Any]) -> None:
     if "axis" in where:

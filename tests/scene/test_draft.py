@@ -64,6 +64,7 @@ def test_a_built_scene_is_the_scene_of_the_file() -> None:
     assert gripper().data()["duration"] == "2 * lift / v"
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("name", rw.shipped())
 def test_scenes_as_text_are_the_scenes(name: str, tmp_path: Path) -> None:
     scene = rw.load(name)
@@ -108,6 +109,7 @@ def test_methods_have_the_fields_of_the_file(method: str, model: Any, other: set
     assert given | made == set(model.model_fields)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("seed", range(20))
 def test_arithmetic_on_parameters_is_that_of_the_file(seed: int) -> None:
     """Random expressions, with Python's own arithmetic beside the scene's."""

@@ -110,6 +110,7 @@ def test_blocks_of_a_dxf_are_taken_apart(tmp_path: Path) -> None:
     assert polygon(outline(dxf(tmp_path, place), unit="mm")).area == pytest.approx(200.0)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.01])
 @pytest.mark.parametrize("seed", range(4))
 def test_curves_keep_the_tolerance(tmp_path: Path, tolerance: float, seed: int) -> None:

@@ -94,7 +94,7 @@ def test_anything(value: Any) -> None:
     is_bound_or_refused(value if not isinstance(value, str) else {value: value})
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", TEXTS)
 @settings(COMMON, max_examples=30)
 @given(data=st.data())

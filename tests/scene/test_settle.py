@@ -91,7 +91,7 @@ def arm(rng: np.random.Generator) -> str:
     return FLOOR + inside + "".join(around)
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("number", range(40))
 def test_arms_out_of_their_ranges_start(number: int, tmp_path: Path) -> None:
     rng = np.random.default_rng([number, 35])

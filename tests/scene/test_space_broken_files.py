@@ -102,7 +102,7 @@ MISSING = {
 }
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", MISSING)
 def test_what_a_file_names_and_is_not_there_is_named_in_one_line(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -194,6 +194,7 @@ def test_features_without_counterpart_are_refused_and_named(tmp_path: Path, feat
         rw.load(path)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("name", "text"),
     [

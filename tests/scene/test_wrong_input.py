@@ -562,7 +562,7 @@ def tried(path: Path, kind: str) -> tuple[object, ...]:
     return WRONG[kind][[p for p, k, _ in PARTS if k == kind].index(path) % 4 :: 4]
 
 
-@pytest.mark.few(120)
+@pytest.mark.few(11)
 @pytest.mark.parametrize(
     ("path", "kind"), [(p, k) for p, k, _ in PARTS if p], ids=lambda x: label(x) if type(x) is tuple else x
 )
@@ -574,7 +574,7 @@ def test_wrong_value(path: Path, kind: str) -> None:
         assert names_the_field(message, path), (value, message)
 
 
-@pytest.mark.few(120)
+@pytest.mark.few(10)
 @pytest.mark.parametrize("path", [p for p, _, _ in PARTS if p], ids=label)
 def test_any_value_is_taken_or_refused_in_one_line(path: Path) -> None:
     for value in ANY:
@@ -585,6 +585,7 @@ def test_any_value_is_taken_or_refused_in_one_line(path: Path) -> None:
             assert str(error).isprintable()
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize(
     ("path", "model"),
     [(p, m) for p, k, m in PARTS if k == MODEL],
@@ -706,7 +707,7 @@ def test_negative_and_zero(path: Path, value: object) -> None:
     )
 
 
-@pytest.mark.few(60)
+@pytest.mark.few(9)
 @pytest.mark.parametrize("path", [p for p, k, _ in PARTS if k == NUMBER], ids=label)
 def test_expressions_that_are_not_finite(path: Path) -> None:
     assert refusal(put(path, "0/0")) == f"{label(path)}: must be a number, not nan"
@@ -1006,6 +1007,7 @@ def test_no_file(tmp_path: Any) -> None:
     assert "is no file" in refusal("/dev/zero")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", [dict, OrderedDict, types.MappingProxyType], ids=lambda k: k.__name__)
 def test_any_mapping_is_a_scene(kind: Any) -> None:
     load(kind(WHOLE)).bind()

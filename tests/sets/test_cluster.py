@@ -80,6 +80,7 @@ def _listen(told: list[tuple[str, int, int]]) -> Callable[[str, int, int], None]
     return lambda *what: told.append(what)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "model",
     [rw.DYNAMIC_RIGID.with_inertia(0.5), pytest.param(rw.DYNAMIC_COMPLIANT, marks=pytest.mark.long)],

@@ -108,6 +108,7 @@ def test_a_disc_in_two_dimensions() -> None:
     assert enclosed(mesh) == pytest.approx(np.pi * RADIUS**2, rel=0.01)
 
 
+@pytest.mark.long
 def test_coarsened_keeps_the_form(ball: rw.FeasibleSet) -> None:
     mesh = boundary(ball)
     coarse = mesh.coarsened(12, ball.box)

@@ -49,6 +49,7 @@ def test_bands(model: rw.Rung, parameters: dict[str, float], end: float, tol: fl
     assert worst(found, end) <= tol
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("restitution", [0.0, 0.25, 0.5, 0.8, 1.0])
 def test_the_first_impact_decides(restitution: float) -> None:
     """r from 1 / (1.5 + 0.5 / (1 + e)) to its inverse."""

@@ -167,6 +167,7 @@ def test_a_disk_that_is_full_is_one_line(
     assert contents(small_disk / "set") == contents(tmp_path / "whole")
 
 
+@pytest.mark.long
 def test_a_folder_that_cannot_be_written_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,6 +243,7 @@ def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch
     assert agree.mean() > 0.98
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("batches", [0, 1, 3])
 def test_of_a_batch_that_a_limit_ends_the_runs_that_are_done_are_kept(
     batches: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

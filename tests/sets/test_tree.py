@@ -49,6 +49,7 @@ def test_a_surface_at_256_costs_a_twentieth_of_the_grid() -> None:
     assert grown(ball, 3, 8)[1].count < 256**3 / 20
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("axes", [1, 2, 3, 4])
 def test_leaves_tile_the_box_and_agree_with_their_corners(axes: int) -> None:
     tree, _ = grown(ball, axes, 5 if axes < 4 else 4)

@@ -49,7 +49,7 @@ def beside(seed: int, blocked: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("seed", range(6))
 def test_servo_with_nothing_in_its_way_goes_where_it_is_told(seed: int, tol: float | None) -> None:

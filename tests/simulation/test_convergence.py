@@ -167,7 +167,7 @@ def imbalance(run: rw.Run) -> float:
     return float(np.abs(kinetic - kinetic[0] - sum(works)).max()) / largest
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 @pytest.mark.parametrize("options", [{"theta": 1.0}, {"theta": 0.5}, {"tol": 1e-5}], ids=str)

@@ -100,7 +100,7 @@ def test_thrown_over_tiles_stops_where_friction_stops_it(model: rw.Rung, free: b
         assert np.abs(height - height[0]).max() < (1e-9 if not model.compliant else SUNK)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_pushed_over_tiles_stays_flat(model: rw.Rung, free: bool) -> None:
@@ -117,6 +117,7 @@ def test_pushed_over_tiles_stays_flat(model: rw.Rung, free: bool) -> None:
         assert np.abs(height - height[0]).max() < (1e-8 if model is rw.QUASISTATIC_RIGID else SUNK)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6, 1e-3])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_a_disc_rolls_over_gaps(model: rw.Rung, gap: float) -> None:
@@ -164,7 +165,7 @@ def mirrored(data: Data) -> Data:
     return {**data, "bodies": bodies}
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("model", "pushed"),
     [*((model, True) for model in MOVING), *((model, False) for model in DYNAMIC)],

@@ -115,6 +115,7 @@ def feet(part: float, **support: Any) -> dict[str, Any]:
     return data | {"duration": 0.02}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "rung", [rung for rung in rw.LADDER if rung.moves and rung.loads], ids=lambda rung: rung.name
 )
@@ -127,7 +128,7 @@ def test_a_bar_that_is_pulled_at_a_foot_turns_about_the_other(rung: rw.Rung) -> 
     assert rw.simulate(feet(0.7, limit_surface="ellipsoid"), rung).final["p"]["angle"] == 0.0
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("heading", [0.7, 2.5, -1.9])
 @pytest.mark.parametrize(
     "shape",

@@ -74,7 +74,7 @@ def test_a_push_begins_and_goes_on_as_friction_and_damping_say(rung: rw.Rung, se
     assert run.final["part"]["angle"] == pytest.approx(0.0, abs=sunk)
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("damping", [0.0, 1e-10, 1e-8, 7e-7, 1e-6, 1e-5])
 @pytest.mark.parametrize("seed", range(4))

@@ -145,7 +145,7 @@ def two_fingers(random: Random) -> tuple[Pinch, Data, bool]:
     return pinch, pinch.scene(shapes[str(kind)]), closes
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", range(25))
 def test_two_fingers_hold_what_the_line_between_them_allows(seed: int) -> None:
     """Force closure iff the line between the contacts is inside both cones; otherwise the part turns away."""

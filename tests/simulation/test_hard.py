@@ -83,6 +83,7 @@ def test_a_step_that_took_pivoting_has_its_velocities_again(tmp_path: Path, note
     assert notes
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("scene", ["two_finger_servo", "two_link", "blocks"])
 @pytest.mark.parametrize("model", [rw.QUASISTATIC_COMPLIANT, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID], ids=str)
 def test_drives_joints_and_compliance_come_back(tmp_path: Path, scene: str, model: rw.Rung) -> None:

@@ -204,7 +204,7 @@ def arm(drive: str) -> rw.Scene:
     return rw.load(file | {"inputs": ["shoulder", "elbow"]})
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("drive", DRIVES)

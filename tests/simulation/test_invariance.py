@@ -24,6 +24,7 @@ def test_mirror(two_finger: rw.Scene, model: rw.Rung, r: float) -> None:
     assert one.final["finger1"]["x1"] == pytest.approx(two.final["finger2"]["x2"], abs=1e-12)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize(
     ("length", "mass", "time"), [(1e-3, 1e-6, 1.0), (1e3, 1.0, 1e-3), (1e-6, 1e-9, 1e-2)]
@@ -74,6 +75,7 @@ def turned(data: dict[str, Any], angle: float, shift: tuple[float, float]) -> di
     return data
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_frame(model: rw.Rung) -> None:
     plain = rw.load("blocks").file.model_dump(mode="json") | {"goal": None, "unsafe": None}

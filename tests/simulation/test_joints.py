@@ -152,7 +152,7 @@ def rocker_angle(crank: float) -> float:
     return math.atan2(py, px - 2.0)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_driven_four_bar(model: rw.Rung) -> None:
     run = rw.simulate(four_bar(-0.7), model, duration=0.9, step=1e-4, frames=3)
@@ -309,7 +309,7 @@ def test_a_start_that_is_not_joined_is_invalid() -> None:
     assert run.reason == "joints.pin: its along is off by 0.1 at the start"
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("step", [1e-3, 1e-4])
 def test_a_linkage_driven_into_its_dead_centre_does_not_come_apart(model: rw.Rung, step: float) -> None:
@@ -335,6 +335,7 @@ def test_a_linkage_driven_into_its_dead_centre_does_not_come_apart(model: rw.Run
     assert float(np.abs(held).max()) < (1e-9 if exact else 1e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("links", [1, 2])
 def test_controlled_steps_of_joints_grow_like_the_root_of_the_error(links: int) -> None:
     """What a whole step and two halves disagree about along rigid joints is not counted: the next step closes

@@ -48,7 +48,7 @@ def ball(goal: str, e: float = 0.6, height: float = 0.5, **fields: Any) -> rw.Sc
     return rw.load(data | {"duration": 4.0, "step": 1e-3, "tolerance": 1e-4} | fields)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("tol", TOLS)
 def test_a_way_through_a_region_is_timed_from_where_it_enters(rung: rw.Rung, tol: float | None) -> None:
@@ -67,7 +67,7 @@ def test_a_way_through_a_region_is_timed_from_where_it_enters(rung: rw.Rung, tol
         assert not run.ok
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("tol", TOLS)
 def test_what_is_interrupted_begins_anew(rung: rw.Rung, tol: float | None) -> None:

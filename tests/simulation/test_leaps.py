@@ -95,6 +95,7 @@ def test_what_nothing_holds_is_unsupported_however_far_it_would_go(case: str, mo
             assert (run.certificate is not None) == (outcome == "unsupported")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", SLOW)
 def test_a_plate_that_tilts_lets_go_where_friction_ends(model: str) -> None:
     for seed in range(9):

@@ -165,6 +165,7 @@ def test_the_kinematic_rung_knows_where_bodies_touch_and_no_forces() -> None:
         assert len(contacts) and np.isnan(contacts.forces).all() and np.isnan(contacts.pushes).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["two_finger", "three_finger_lift"])
 def test_wrong_input_is_named_in_one_line(name: str) -> None:
     first, second = rw.load(name).template.inputs

@@ -156,7 +156,7 @@ def test_a_pyramid_at_rest_goes_on_by_the_same_forces() -> None:
     assert not run.workspace.scratch.v_new.any()
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_a_pyramid_stands(model: rw.Rung) -> None:
     run = rw.simulate(on_ground(pyramid(9), duration=0.02), model)
@@ -164,6 +164,7 @@ def test_a_pyramid_stands(model: rw.Rung) -> None:
     assert np.abs(run.workspace.state.v).max() <= 1e-9 + (0.01 if model.compliant else 0.0)  # type: ignore[union-attr]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("model", "tol"), [(DYNAMIC[0], None), (DYNAMIC[1], None), (DYNAMIC[1], 1e-2)])
 def test_slots_of_pairs_that_are_not_listed_need_no_copy(model: rw.Rung, tol: float | None) -> None:
     """A heap that falls, beside the same one whose slots are all copied and cleared in each step."""

@@ -30,7 +30,7 @@ def pushed(friction: float, **support: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=str)
 def test_friction_however_faint_or_great_stops_no_run(model: rw.Rung) -> None:
     without = rw.simulate(pushed(0.0), model)

@@ -23,7 +23,7 @@ def draws(seed: int = 0) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     return rng.uniform(0.2, 1.5, (M, K, 2)), rng.uniform(0.1, 0.8, (M, K))
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_sample_is_the_run_that_simulate_makes_of_it(model: rw.Rung, tol: float | None) -> None:

@@ -50,6 +50,7 @@ def slider(coordinate: dict[str, Any], wall: float | None = None, **fields: Any)
     return rw.load(scene | fields)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_outcomes_that_hold_at_the_start(model: rw.Rung) -> None:
     reached = rw.simulate(changed("two_finger", goal="t <= 1"), model)
@@ -184,7 +185,7 @@ def test_inertia_that_is_not_accepted() -> None:
     assert rw.DYNAMIC_RIGID.with_inertia(0.5).inertia == 0.5
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("tiny", [1e-300, 5e-324])
 @pytest.mark.parametrize("option", ["tol", "step"])
@@ -427,7 +428,7 @@ def test_long_steps_notice_a_condition_within_a_nominal_step(model: rw.Rung) -> 
     assert 3.7003 <= run.time <= 3.7003 + 1e-3
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_step_beyond_all_numbers_is_not_taken(model: rw.Rung) -> None:
     scene = slider({"speed": 1e10, "drive": {"kind": "force", "force": 1.0}, "damping": 1e-10}, wall=1.0)

@@ -45,7 +45,7 @@ def block(slope: float, mu: float, **more: float) -> dict[str, float]:
     return {"slope": slope, "mu": mu, "mu_stack": mu, **more}
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 @pytest.mark.parametrize("slope", [0.1, 0.3, -0.45])
 def test_blocks_stay_iff_friction_holds(model: rw.Rung, slope: float) -> None:
@@ -93,6 +93,7 @@ def test_compliant_block_keeps_its_elastic_offset() -> None:
     assert np.abs(run.trajectory.velocity[-1]).max() < 1e-9
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 @pytest.mark.parametrize("aspect", [0.4, 0.7])
 def test_block_tips_iff_its_weight_falls_outside_its_base(model: rw.Rung, aspect: float) -> None:

@@ -81,7 +81,7 @@ def motion(run: rw.Run, axis: str) -> np.ndarray[Any, Any]:
     return np.asarray(places - places[0])
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(11)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("seed", range(24))
 def test_what_friction_holds_rests(rung: rw.Rung, seed: int) -> None:
@@ -103,7 +103,7 @@ def test_what_friction_holds_rests(rung: rw.Rung, seed: int) -> None:
     assert motion(run, ".y").max() <= 0.5 * sagged + tilted + 1e-8
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("damping", [0.0, 10.0, 100.0])
 @pytest.mark.parametrize("seed", range(6))

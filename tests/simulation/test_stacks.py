@@ -70,6 +70,7 @@ def ground_force(run: rw.simulation.run.Run) -> float:
     return float(data.contact_force.values[late][:, held, 0].sum(axis=1).mean())
 
 
+@pytest.mark.few(11)
 @pytest.mark.parametrize("pile", PILES)
 @pytest.mark.parametrize("model", LOADED, ids=str)
 def test_what_is_at_rest_stays_and_is_carried(model: rw.Rung, pile: str) -> None:

@@ -59,7 +59,7 @@ def test_in_short_steps_it_comes_apart_as_far_as_the_top_needs(rung: rw.Rung) ->
     assert run.final["left"]["x"] == pytest.approx(-0.2, abs=2e-3)
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(7)
 @pytest.mark.parametrize("rung", rw.LADDER[1:], ids=lambda rung: rung.name)
 @pytest.mark.parametrize("name", rw.shipped())
 def test_of_the_scenes_that_ship_only_fingers_that_nothing_damps_jump(name: str, rung: rw.Rung) -> None:

@@ -65,7 +65,7 @@ def ended(run: rw.Run) -> np.ndarray[Any, Any]:
     return np.array([value for body in run.final.values() for value in body.values()])
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("number", [*range(18), 248, 432, 747, 1945, 2870, 3330])
 def test_a_contact_that_slides_takes_hardly_more_steps_than_it_is_given(number: int) -> None:
     plastic = rw.simulate(sliding(number, 0.0), rw.DYNAMIC_RIGID)
@@ -87,7 +87,7 @@ def test_overlap_that_turning_adds_is_taken_back_without_work(number: int) -> No
     assert ended(run) == pytest.approx(ended(exact), abs=3e-5)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("number", [21, 22, 73, 78, 134, 154, 337])
 def test_corners_that_strike_in_turn_move_as_without_restitution_as_it_vanishes(number: int) -> None:
     """Each strike is an impact: what it throws off is of the order of e, and of the step's error."""

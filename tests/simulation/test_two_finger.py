@@ -174,7 +174,7 @@ def test_travel_limit_stops_a_sliding_body(model: rw.Rung, options: dict[str, fl
     assert run.final["b"]["s"] == pytest.approx(0.3, abs=1e-9)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", MOVING[1:], ids=str)
 def test_fingers_of_limited_force_capture_every_ratio_where_they_stick(model: rw.Rung) -> None:
     """Prescribed speeds jam there; a finger that sticks and stalls waits for the other one."""

@@ -153,7 +153,7 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 }
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("tol", [None, 1e-3], ids=["fixed", "controlled"])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("name", SCENES)

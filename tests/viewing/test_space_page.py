@@ -341,7 +341,7 @@ def test_the_live_page_shows_the_moment_and_is_local(films: list[Film]) -> None:
             assert np.allclose(nodes[2].wxyz, film.turns[7, 2])
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("most", "prefix"),
     [(0.0, ""), (4.5e-4, "µ"), (2e-3, "m"), (0.25, "m"), (3.0, ""), (999.0, ""), (4e4, "k")],

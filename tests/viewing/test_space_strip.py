@@ -71,6 +71,7 @@ def test_a_strip_has_a_row_for_each_run_and_says_how_they_end(film: Film) -> Non
     assert drawn == np.count_nonzero(film.touches.frame == k) > 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("far", "seen"), [(0.9, True), (1.1, False)])
 def test_points_between_bodies_that_are_far_apart_are_not_drawn(film: Film, far: float, seen: bool) -> None:
     assert film.gaps is not None

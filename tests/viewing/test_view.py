@@ -196,6 +196,7 @@ def test_command_runs_a_scene_on_the_rungs_named(tmp_path: Path, monkeypatch: py
     assert data_of(Path("two_finger.html").read_text("utf-8"))["clips"][0]["label"] == "kinematic"
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

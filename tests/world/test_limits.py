@@ -109,6 +109,7 @@ def test_a_batch_keeps_its_limit(scene: str, over: str, monkeypatch: pytest.Monk
     assert (found.outcome == rw.Code.RUNNING).all() and not found.steps[1:].any()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", SCENES)
 def test_what_progress_raises_ends_a_run_between_its_steps(scene: str) -> None:
     class Enough(Exception):

@@ -36,7 +36,7 @@ def measured(name: str, model: rw.Rung, number: int) -> tuple[rw.State, float]:
     return rw.State(state.names, q, state.v, state.time), error
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("number", range(12))
 @pytest.mark.parametrize("model", MODELS, ids=str)
 @pytest.mark.parametrize("name", SCENES)

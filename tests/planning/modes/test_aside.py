@@ -95,7 +95,7 @@ def test_pieces_of_which_the_goal_speaks_are_not_pushed_aside(asked: str, kept: 
     assert len(ground.pairs) == 2 - kept
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("count", [1, 7, 40])
 def test_rest_of_many_objects_is_a_condition(count: int) -> None:
     """As robots wait for it where objects still move."""

@@ -260,6 +260,7 @@ def _followed(hand: Hand, q: Reals, far: float, steps: int, count: int) -> list[
     return found
 
 
+@pytest.mark.few(1)
 def test_fingers_that_reach_the_end_of_their_travel_stop_and_do_not_slip(made: tuple[Hand, Reals]) -> None:
     hand, q = made
     steps = [touch.steps for _, _, touch in _followed(hand, q, 1.6, 20, 24)]
@@ -330,6 +331,7 @@ def test_a_cycle_is_to_go_about_as_far_as_fingers_follow() -> None:
     assert np.median(parts) * wanted.change[hand.columns[-1]] > 0.5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_enough_sets_of_fingers_are_compared_for_three_cycles(seed: int) -> None:
     hand, q = _hand(unnamed_hand(0.5, 40))
@@ -383,6 +385,7 @@ def test_fingers_stay_on_the_object_between_moves(laid_out: _Laid, monkeypatch: 
                 assert abs(own.hand.around.near(place, touch.pair).gap) < 0.03 * own.hand.size
 
 
+@pytest.mark.long
 def test_some_cycles_press_lightly_and_others_firmly(laid_out: _Laid) -> None:
     """By how far the targets of a joint are from it, at most, in the end: what servos yield by."""
     yields = [

@@ -361,6 +361,7 @@ def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
     assert name == "backwards" or "most proposals failed for these reasons" in found.reason
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("budget", [1, 3_000])
 def test_a_tree_that_finds_nothing_ends_with_the_budget(budget: int) -> None:
     """What trees draw and follow counts, also where hardly anything is run."""

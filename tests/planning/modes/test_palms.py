@@ -139,7 +139,7 @@ def test_a_palm_that_tips_a_box_keeps_one_contact_and_leaves_the_other() -> None
         assert motion(ground, ground.look(q), used, (), np.array([0.0, 0.0, way]), 0.1) is None
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("robots", "contacts", "goal", "below", "height", "seed"),
     [

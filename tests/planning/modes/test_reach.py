@@ -275,6 +275,7 @@ def test_an_arm_brings_a_peg_into_a_hole_that_is_elsewhere(seed: int) -> None:
     assert rw.verify(found, samples=10).successes >= 8
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("empty", "found"), [(0, True), (1, True), (5, False)])
 def test_two_draws_tell_whether_a_goal_has_room(
     gantry: Any, empty: int, found: bool, monkeypatch: pytest.MonkeyPatch

@@ -27,7 +27,7 @@ ARM = """
 """
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-11, 1e-9, 1e-8, 1e-7])
 @pytest.mark.parametrize("model", ["quasistatic-rigid", "quasistatic-compliant"])
 def test_a_plate_under_a_base_that_turns_in_place_says_nothing(make: Make, model: str, tilt: float) -> None:

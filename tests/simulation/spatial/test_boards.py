@@ -64,6 +64,7 @@ def test_a_board_that_is_higher_stops_a_box(make: Make, model: str) -> None:
     assert most == pytest.approx(0.04, abs=1e-3) and run.final["box"]["x"] <= most
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", ["dynamic-rigid", "dynamic-compliant"])
 def test_a_body_of_boards_slides_over_an_edge_as_one_board(make: Make, model: str) -> None:
     """The boards lie on two blocks, and one of their seams comes over the edge of each."""

@@ -34,6 +34,7 @@ def _tube(random: np.random.Generator, radius: float) -> tuple[str, str]:
     return f'<asset><mesh name="stave" vertex="{text}"/></asset>', staves
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_stands_in_a_close_tube_stays_there(make: Make, seed: int, rung: Rung) -> None:
@@ -49,7 +50,7 @@ def test_what_stands_in_a_close_tube_stays_there(make: Make, seed: int, rung: Ru
     assert np.hypot(found.final["b"]["x"], found.final["b"]["y"]) <= 2.0 * room + 1e-3 * radius
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_gravity_pulls_out_of_a_loose_tube_is_unsupported(make: Make, seed: int, rung: Rung) -> None:
@@ -90,6 +91,7 @@ def test_thin_plates_fall_on_each_other(make: Make, seed: int, rung: Rung) -> No
     assert all(-1e-3 < body["z"] < 1.0 for body in found.final.values())
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("part", [0.99, 0.999])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_box_near_its_friction_angle_with_torsion_holds_and_a_ball_beside_it_does_not(

@@ -170,7 +170,7 @@ def test_impacts_of_many_bodies_are_those_of_each(make: Make) -> None:
 # Static friction.
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_slope_holds_a_block_up_to_the_static_angle(make: Make, rung: Rung, turn: float) -> None:

@@ -54,6 +54,7 @@ def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make:
     assert "the error of longer ones" in reason and "ball" in reason
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("speed", [1e2, 1e3, 1e5])
 def test_joined_bodies_that_turn_far_in_each_step_end(make: Make, rung: Rung, speed: float) -> None:

@@ -38,6 +38,7 @@ def test_a_condition_ends_a_run_of_long_steps_within_a_nominal_one(
         assert found.steps < at / STEP, "steps are longer than nominal ones"
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-2])
 def test_a_condition_that_holds_on_the_way_alone_is_seen(make: Make, rung: Rung, tol: float | None) -> None:
@@ -48,7 +49,7 @@ def test_a_condition_that_holds_on_the_way_alone_is_seen(make: Make, rung: Rung,
     assert found.outcome.name == "unsafe" and abs(found.time - 0.5) <= STEP + 1e-9
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 @pytest.mark.parametrize("at", [0.0517, 0.2, 0.333])

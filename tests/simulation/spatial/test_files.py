@@ -79,7 +79,7 @@ def text_of(feature: dict[str, str]) -> str:
     )
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("feature", FEATURES, ids=str)
 def test_a_feature_of_a_file_moves_as_in_mujoco_or_is_refused(make: Make, feature: dict[str, str]) -> None:
     text, duration, told = text_of(feature), 0.15, 2.5

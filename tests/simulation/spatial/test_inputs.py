@@ -37,6 +37,7 @@ def same(one: SpaceRun, other: SpaceRun) -> bool:
     )
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_segments_hold_ramp_and_end_when_a_condition_holds(make: Make, rung: Rung) -> None:
     """Ways are exact, also of ramps; the third segment ends with the step in which p.j comes to 2."""
@@ -80,6 +81,7 @@ def test_a_pile_in_contact_goes_on_bit_for_bit(rung: Rung) -> None:
     assert same(run(scene, rung, state=whole.states[15], duration=0.06), whole)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_a_box_that_bounces_and_slides_goes_on_bit_for_bit(make: Make, rung: Rung) -> None:
     box = free("b", "0 0 .3", 'type="box" size=".1 .15 .05"', 'euler="20 30 40"')

@@ -59,6 +59,7 @@ def thrown(make: Make, turn: Array, begun: Array = BEGUN, **speeds: Array) -> Sp
 STILL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize(
     "turn", [(cos(0.4), 0.0, 0.0, sin(0.4)), (0.5, 0.5, 0.5, 0.5), (0.8, 0.0, 0.36, 0.48)]
@@ -154,6 +155,7 @@ def test_less_inertia_comes_to_quasistatic_motion(make: Make) -> None:
     assert abs(off[1]) < 1e-4
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_contact_with_friction_converges_with_the_step(make: Make, rung: Rung) -> None:
     """A ball that slides, and comes to roll: to first order at least."""

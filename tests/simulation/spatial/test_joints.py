@@ -114,7 +114,7 @@ def test_dry_friction_in_a_joint_holds_up_to_its_limit(make: Make, rung: Rung, p
 SERVO = '<actuator><position name="a" joint="j" kp="500" kv="60" {more}/></actuator>'
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("more", ["", 'forcelimited="true" forcerange="-5 30"'])
 def test_a_servo_stands_off_its_aim_by_load_over_gain(make: Make, rung: Rung, more: str) -> None:
@@ -211,7 +211,7 @@ def test_coupled_joints_move_together(make: Make, rung: Rung) -> None:
     assert abs(reaction) == pytest.approx(2.0 * abs(-0.25 * fall + G), rel=1e-6)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_fixed_tendon_carries_a_servo_and_a_spring(make: Make, rung: Rung) -> None:
     """Both pull at j + 2 k; the two slides have springs of their own that say which of them gives way."""

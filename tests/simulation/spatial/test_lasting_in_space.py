@@ -55,7 +55,7 @@ def test_what_is_interrupted_begins_anew(make: Make, rung: Rung, tol: float | No
     assert run(twice, rung, tol=tol, inputs=ways).time == pytest.approx(0.9, abs=1e-9)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_a_segment_ends_once_its_condition_has_held(make: Make, rung: Rung, tol: float | None) -> None:

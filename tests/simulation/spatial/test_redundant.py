@@ -42,7 +42,7 @@ def loop(make: Make, equalities: str, turn: str, pull: float) -> rw.SpaceScene:
     )  # fmt: skip
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("turn", ["0 0 0", "20 35 -50", "90 0 0"])
 @pytest.mark.parametrize("how", AGAIN)

@@ -16,6 +16,7 @@ from .measure import run
 from .rungs import DYNAMIC, WITH_LOADS, named
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_three_fingers_lift_a_ball(rung: Rung) -> None:
     """By the palm's rise, less what servos stand off under their loads."""
@@ -33,7 +34,7 @@ def test_three_fingers_that_slip_leave_the_ball() -> None:
     assert found.final["ball"]["z"] == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("offset", [0.0025, -0.0015])
 def test_a_peg_finds_its_hole(rung: Rung, offset: float) -> None:
@@ -48,6 +49,7 @@ def test_a_peg_that_lands_beside_the_chamfer_stays_outside() -> None:
     assert found.final["hand"]["down"] < 0.02
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", [rw.QUASISTATIC_RIGID, *DYNAMIC], ids=named)
 def test_an_arm_pushes_a_box_ahead(rung: Rung) -> None:
     found = run(rw.load("arm_push"), rung, step=4e-3)

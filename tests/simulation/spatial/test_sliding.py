@@ -18,6 +18,7 @@ LAW = {"stiffness": 1e6, "damping": 2e3}
 STEEP = radians(20.0)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("heading", [0.0, 0.9, -2.2])
 def test_a_sliding_ball_comes_to_roll_at_five_sevenths_of_its_speed(
@@ -42,6 +43,7 @@ def test_a_sliding_ball_comes_to_roll_at_five_sevenths_of_its_speed(
     assert stopped == pytest.approx(2.0 * speed / (7.0 * mu * G), abs=1e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_torsional_friction_slows_a_spin_at_its_rate(make: Make, rung: Rung) -> None:
     ball = free("b", "0 0 .1", 'size=".1" condim="4" friction="0.5 0.01 0"')

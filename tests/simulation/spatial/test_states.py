@@ -75,7 +75,7 @@ NO_TURN = [(0.0, 0.0, 0.0, 0.0), (1e-320, 0.0, 0.0, 0.0)]
 PARTS = ("qw", "qx", "qy", "qz")
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("turn", NO_TURN, ids=str)
 @pytest.mark.parametrize("body", ["b.", "p.j_"])
 def test_a_quaternion_without_direction_is_refused_wherever_it_stands(

@@ -341,7 +341,7 @@ def test_a_contact_with_two_slopes_is_named() -> None:
         rw.step_sensitivity("stack", "dynamic-rigid", None, q, np.zeros(60), H, wrt=("q",))
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -30,6 +30,7 @@ def _tendon(make: Make, coefficients: tuple[float, ...], span: float, speed: flo
     )
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("coefficients", COEFFICIENTS, ids=str)
 def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients: tuple[float, ...]) -> None:
     simulation = SpaceSimulation(_tendon(make, coefficients, 2e-5, 0.0), rw.DYNAMIC_RIGID)
@@ -53,7 +54,7 @@ def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients:
     assert met <= {lower}
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("coefficients", COEFFICIENTS, ids=str)
 @pytest.mark.parametrize("rung", RIGID[-1:], ids=named)
 def test_an_end_of_a_tendon_stops_the_pull_that_it_should(

@@ -29,7 +29,7 @@ def _speed(make: Make, rung: Rung, condim: int, motion: dict[str, float], axis: 
     return float(found.trajectory.velocity.sel(rate=f"b.{axis}").values[-1])
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("slides", [0.0, 0.05, 1.5, None])
 @pytest.mark.parametrize("twist", [0.0, 0.001, 0.004])
@@ -73,7 +73,7 @@ def test_friction_below_zero_is_refused_by_name(make: Make, name: str) -> None:
     assert found.reason == f"contacts.0.{name}: -0.1 must be >= 0"
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
 @pytest.mark.parametrize("condim", [3, 4, 6])
 @pytest.mark.parametrize("seed", range(4))

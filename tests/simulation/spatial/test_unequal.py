@@ -84,7 +84,7 @@ def test_a_joint_pushed_apart_shares_its_way_whatever_the_masses(make: Make, hea
     assert q(found) == pytest.approx([0.005, 0.005, 0.01], abs=1e-9)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_peg_on_a_servo_goes_in_without_momentum_as_with_it(rung: Rung, seed: int) -> None:

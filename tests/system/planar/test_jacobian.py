@@ -79,7 +79,7 @@ def differences(placed: Any, point: int) -> NDArray[np.float64]:
     return np.array(columns).T
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(7)
 @pytest.mark.parametrize("b", SHAPES)
 @pytest.mark.parametrize("a", [name for name in SHAPES if name != "plane"])
 def test_rows_are_rates_of_gap_and_slip(planar: Callable[..., Any], a: str, b: str) -> None:

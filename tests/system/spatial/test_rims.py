@@ -9,7 +9,7 @@ import pytest
 from rungwise.system.spatial.rims import Rims
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("power", range(-17, -2))
 def test_a_cylinder_that_stands_has_the_depth_of_its_rim(power: int) -> None:
     """Thin and thick ones, overlapping a plane that leans: MuJoCo alone loses all contacts of every fifth

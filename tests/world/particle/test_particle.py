@@ -38,7 +38,7 @@ def plan(scene: ParticleScene) -> rw.Plan:
     return found
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 def test_a_finger_brings_the_puck_to_its_goal(scene: ParticleScene, rung: rw.Rung) -> None:
     run = rw.simulate(scene, rung)
