@@ -78,7 +78,7 @@ def test_a_step_that_took_pivoting_has_its_velocities_again(tmp_path: Path, note
         assert again.status == ("solved" if file in solved else "jammed"), file.name
         if file in solved:
             np.testing.assert_allclose(
-                again.v[: len(note.problem.c)], note.v, atol=1e-8 * np.abs(note.v).max()
+                again.v[: len(note.problem.c)], note.answer.v, atol=1e-8 * np.abs(note.answer.v).max()
             )
     assert notes
 

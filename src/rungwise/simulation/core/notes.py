@@ -1,21 +1,28 @@
-"""Notes of hard steps: the compiled loop writes problems, as it tried to solve them, into one flat array."""
+"""Notes of steps: the compiled loop writes problems, what it began with and found, into a flat array."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from rungwise.contact.step import ContactProblem, Sizes, allocate_problem
-from rungwise.kernel import Reals, kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.step import ContactProblem, Sizes, Unknowns, allocate_problem
+from rungwise.kernel import Ints, Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 
-_FIRST, _HEAD = 2, 9
-"""The array begins with the place after the last note, and the number of notes, stored or not."""
+_NEXT, _COUNT, _ALL, _FIRST, _HEAD = 0, 1, 2, 3, 10
+"""The array begins with the place after the last note, the number of notes, stored or not, and whether all
+steps are noted; else the hard ones are."""
 _FIELDS = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F", "quantum")
 
 
 @dataclass(frozen=True, eq=False)
 class Note:
-    """A step's problem and its solution: `stage` is the last stage of `solve_planar`, v (n,) its answer."""
+    """A step's problem, with the supports (limited,) whose limit surfaces its limited rows belong to, if any;
+    from where its solution began, and how that ended: `stage` is the last stage of the chain."""
 
     status: int
     stage: int
@@ -24,30 +31,47 @@ class Note:
     length: float
     step: int
     problem: ContactProblem
-    v: Reals
+    surface: Ints
+    start: Unknowns
+    answer: Unknowns
+
+
+@kernel
+def notes_all(scratch: Scratch) -> bool:
+    """Whether all steps are to be noted."""
+    return bool(scratch.hard[_ALL] != 0.0)
+
+
+@kernel
+def note_start(problem: ContactProblem, sizes: Sizes, scratch: Scratch) -> None:
+    """Write from where the solution of a problem begins to where its note will have it, unless that is
+    full."""
+    at, room = _place(sizes, problem.R.shape[1], scratch)
+    if room:
+        _put_unknowns(sizes, problem.R.shape[1], scratch, at + _HEAD + _size(sizes, problem.R.shape[1]))
 
 
 @kernel
 def note(
     problem: ContactProblem,
     sizes: Sizes,
+    surface: Ints,
     status: int,
     stage: int,
     state: State,
     scratch: Scratch,
 ) -> None:
-    """Add the problem and its outcome to `scratch.hard`, unless it is full."""
+    """Add the problem, after `note_start`, and its outcome to `scratch.hard`, unless it is full."""
     n, contacts, limited = sizes
-    out, clock, p = scratch.hard, state.clock[0], problem
-    out[1] += 1.0
-    at = max(int(out[0]), _FIRST)
-    if at + _size(n, contacts, limited) > out.shape[0]:
+    out, clock, p, d = scratch.hard, state.clock[0], problem, problem.R.shape[1]
+    out[_COUNT] += 1.0
+    at, room = _place(sizes, d, scratch)
+    if not room:
         return
-    out[at], out[at + 1], out[at + 2] = n, contacts, limited
-    out[at + 3], out[at + 4], out[at + 5] = status, stage, clock.residual
-    out[at + 6], out[at + 7], out[at + 8] = clock.time, clock.tried, clock.steps
+    out[at], out[at + 1], out[at + 2], out[at + 3] = n, contacts, limited, d
+    out[at + 4], out[at + 5], out[at + 6] = status, stage, clock.residual
+    out[at + 7], out[at + 8], out[at + 9] = clock.time, clock.tried, clock.steps
     at += _HEAD
-    d = p.R.shape[1]
     at = _put_matrix(p.H, n, n, out, at)
     at = _put(p.c, n, out, at)
     at = _put_matrix(p.W, contacts * d, n, out, at)
@@ -59,13 +83,43 @@ def note(
     at = _put(p.w_s, limited, out, at)
     at = _put(p.F, limited, out, at)
     at = _put(p.quantum, 1, out, at)
-    at = _put(scratch.x, n, out, at)
-    out[0] = at
+    for r in range(limited):
+        out[at + r] = surface[r]
+    at += limited + _unknowns_size(sizes, d)
+    _put_unknowns(sizes, d, scratch, at)
+    out[_NEXT] = at + _unknowns_size(sizes, d)
 
 
 @kernel
-def _size(n: int, contacts: int, limited: int) -> int:
-    return _HEAD + n * n + 2 * n + contacts * (2 * n + 7) + limited * (n + 3) + 1
+def _place(sizes: Sizes, d: int, scratch: Scratch) -> tuple[int, bool]:
+    """Where the next note begins, and whether there is room for it."""
+    at = max(int(scratch.hard[_NEXT]), _FIRST)
+    length = _HEAD + _size(sizes, d) + 2 * _unknowns_size(sizes, d)
+    return at, at + length <= scratch.hard.shape[0]
+
+
+@kernel
+def _size(sizes: Sizes, d: int) -> int:
+    """Numbers of a problem."""
+    n, contacts, limited = sizes
+    return n * n + n + contacts * (d * n + d * d + d + 1) + limited * (n + 4) + 1
+
+
+@kernel
+def _unknowns_size(sizes: Sizes, d: int) -> int:
+    n, contacts, limited = sizes
+    return n + contacts * (d + 1) + 2 * limited
+
+
+@kernel
+def _put_unknowns(sizes: Sizes, d: int, scratch: Scratch, at: int) -> None:
+    n, contacts, limited = sizes
+    out = scratch.hard
+    for i in range(contacts + limited):
+        out[at + i] = scratch.mode[i]
+    at = _put(scratch.x, n, out, at + contacts + limited)
+    at = _put(scratch.contact_force, contacts * d, out, at)
+    _put(scratch.limited_force, limited, out, at)
 
 
 @kernel
@@ -82,23 +136,69 @@ def _put_matrix(source: Reals, rows: int, columns: int, out: Reals, at: int) -> 
     return at
 
 
+def note_all(hard: Reals) -> None:
+    """Let all steps be noted."""
+    hard[_ALL] = 1.0
+
+
+def room_for_notes(n: int, contacts: int, limited: int, d: int, count: int = 1) -> int:
+    """Numbers of an array for so many notes of problems of at most these sizes."""
+    sizes = Sizes(n, contacts, limited)
+    return _FIRST + count * int(_HEAD + _size(sizes, d) + 2 * _unknowns_size(sizes, d))
+
+
 def taken(hard: Reals) -> tuple[list[Note], int]:
     """The notes in the array, which is then empty, and the number of notes that found no room."""
-    notes, end, meant = [], int(hard[0]), int(hard[1])
-    at = _FIRST
-    while at < end:
-        head = hard[at : at + _HEAD]
-        n, contacts, limited = (int(x) for x in head[:3])
-        last = at + _size(n, contacts, limited)
-        problem = allocate_problem(n, contacts, limited)
-        at += _HEAD
+    notes, at, meant = list[Note](), _FIRST, int(hard[_COUNT])
+
+    def numbers(size: int) -> Reals:
+        nonlocal at
+        at += size
+        return hard[at - size : at].copy()
+
+    def unknowns() -> Unknowns:
+        mode = numbers(contacts + limited).astype(np.int64)
+        return Unknowns(mode, numbers(n), numbers(contacts * d), numbers(limited))
+
+    while at < int(hard[_NEXT]):
+        head = numbers(_HEAD)
+        n, contacts, limited, d, status, stage = (int(x) for x in head[:6])
+        problem = allocate_problem(n, contacts, limited, d)
         for name in _FIELDS:
             field = getattr(problem, name)
-            field[...] = hard[at : at + field.size].reshape(field.shape)
-            at += field.size
-        status, stage, step = int(head[3]), int(head[4]), int(head[8])
-        residual, time, length = (float(x) for x in head[5:8])
-        notes.append(Note(status, stage, residual, time, length, step, problem, hard[at:last].copy()))
-        at = last
-    hard[:_FIRST] = 0.0
+            field[...] = numbers(field.size).reshape(field.shape)
+        surface = numbers(limited).astype(np.int64)
+        residual, time, length = (float(x) for x in head[6:9])
+        notes.append(
+            Note(
+                status, stage, residual, time, length, int(head[9]), problem, surface, unknowns(), unknowns()
+            )
+        )
+    hard[[_NEXT, _COUNT]] = 0.0
     return notes, meant - len(notes)
+
+
+def kept(notes: Sequence[Note]) -> Reals:
+    """The array that holds these notes, with no room for more."""
+    rows: list[NDArray[Any]] = [np.zeros(_FIRST)]
+    for each in notes:
+        p = each.problem
+        n, contacts, limited, d = len(p.c), len(p.mu), len(p.F), p.R.shape[1]
+        head = (
+            n,
+            contacts,
+            limited,
+            d,
+            each.status,
+            each.stage,
+            each.residual,
+            each.time,
+            each.length,
+            each.step,
+        )
+        rows += [np.array(head, float), *(np.ravel(getattr(p, name)) for name in _FIELDS), each.surface]
+        for mode, v, force, tau in (each.start, each.answer):
+            rows += [mode[: contacts + limited], v[:n], force[: contacts * d], tau[:limited]]
+    found = np.concatenate(rows).astype(float)
+    found[[_NEXT, _COUNT]] = len(found), len(notes)
+    return found

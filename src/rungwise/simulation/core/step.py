@@ -30,7 +30,7 @@ from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.limit_surface import solve_supported
-from rungwise.simulation.core.notes import note
+from rungwise.simulation.core.notes import note, note_start, notes_all
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
 from rungwise.system.terms import APART, METRIC, Terms
 
@@ -260,6 +260,9 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     unknowns = unknowns_in(scratch)
     if convex and not start_associated(problem, sizes, unknowns, scratch.halt):
         return NO_SOLUTION
+    noted = scratch.hard.shape[0] > 0
+    if noted:
+        note_start(problem, sizes, scratch)
     if state.clock[0].surfaces and terms.exact.shape[0] > 0:
         status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
     elif state.clock[0].surfaces:
@@ -269,8 +272,8 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     else:
         status, found, stage = solve_in_space(problem, sizes, terms, scratch)
     state.clock[0].residual = found
-    if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
-        note(problem, sizes, status, stage, state, scratch)
+    if noted and (status != SOLVED or stage >= PIVOTING or notes_all(scratch)):
+        note(problem, sizes, terms.surface, status, stage, state, scratch)
     return status
 
 

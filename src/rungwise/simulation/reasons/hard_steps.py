@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rungwise.contact.files import h5py_library, write_fclib
-from rungwise.contact.step import ENUMERATION, NO_SOLUTION, SOLVED, ContactProblem
+from rungwise.contact.step import ENUMERATION, NO_SOLUTION, SOLVED, ContactProblem, Unknowns
 from rungwise.simulation.core.notes import Note, taken
 from rungwise.simulation.planar.state.workspace import Workspace
 
@@ -80,10 +80,11 @@ class HardSteps:
             self._waiting.popleft()
         if problem is None:
             return None
-        clock = workspace.state.clock[0]
+        clock, scratch = workspace.state.clock[0], workspace.scratch
+        found = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
         last = Note(
             NO_SOLUTION, ENUMERATION, float(clock["residual"]), float(clock["time"]), float(clock["tried"]),
-            int(clock["steps"]), problem, workspace.scratch.x[: len(problem.c)],
+            int(clock["steps"]), problem, workspace.terms.surface, found, found,
         )  # fmt: skip
         return self._write(self.count, last, outcome)
 

@@ -17,6 +17,7 @@ from rungwise.scene.language.expression import SLOTS, STACK
 from rungwise.scene.template.records import Records, views
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
+from rungwise.simulation.core.notes import room_for_notes
 from rungwise.simulation.planar.state.workspace import (
     CLOCK,
     SCALARS,
@@ -120,7 +121,7 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     limited, surfaces = limited + impacts, allocate_surfaces(records)
     exact = len(surfaces["exact"])
     problem = allocate_problem(n, rows, limited)
-    notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
+    notes = max(ROOM, room_for_notes(n, rows, limited, d)) if noted else 0
     fields: Fields = {  # in the order of `in_memory`
         "clock": ((1,), CLOCK),
         "values": (values.shape, np.float64),
