@@ -48,7 +48,8 @@ pages: $(INSTALLED_DEV)
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m 'pages and not long'
 
 # The kernels of BLAS that other processors take, where this one can run them; and our kernels for any processor.
-BLAS := $(if $(filter x86_64,$(shell uname -m)),Prescott Haswell $(shell grep -qw avx512f /proc/cpuinfo && echo SkylakeX))
+CAN = $(shell grep -qw $(1) /proc/cpuinfo 2>/dev/null && echo $(2))
+BLAS = $(if $(filter x86_64,$(shell uname -m)),Prescott $(call CAN,avx2,Haswell) $(call CAN,avx512f,SkylakeX))
 ANY_PROCESSOR := NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
 
 elsewhere: $(BLAS:%=with-%) with-any-processor

@@ -14,7 +14,8 @@ and prints, of the families of each kind: how many problems were recorded as sol
 solver answers with a residual within the step's tolerance, which the judge computes from the problem as
 it was given; of how many the velocities are the recorded ones; how many problems it calls solved that
 were recorded as unsolved; and the processor time of a problem in microseconds, the median. Velocities
-differ, rightly, where a problem has several answers.
+differ, rightly, where a problem has several answers. Where supports have their true pressure, a step
+solves in a loop around the chain, so the chain alone does not answer it.
 """
 
 from __future__ import annotations

@@ -42,23 +42,36 @@ _COMPILER = ("rungwise.compilation.calls", "rungwise.compilation.blocks")
 _IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 
+@cache
 def cache_folder(module: str) -> Path:
     """Folder of the compiled code of exactly these sources of `module`."""
-    return _root() / _version(module)
+    folder = _root() / _version(module)
+    if folder.exists() and (fault := private.open_to_others(folder)):
+        _tell(fault)
+        return private.of_process() / folder.name
+    return folder
 
 
 @cache
 def _root() -> Path:
-    """The first of the folders for kernels that nobody but the user may change; one of this process alone,
-    which is told, where there is none."""
+    """The first of the folders for kernels that nobody but the user may change; one of this process alone
+    where there is none. That a folder which the user named is not taken is told."""
     faults = []
     for root in _roots():
-        fault = private.made(root)
+        place, fault = private.made(root)
         if not fault:
-            return root
+            break
         faults.append(fault)
-    compiling.tell(f"rungwise: compiled kernels are kept for this process alone: {'; '.join(faults)}")
-    return private.of_process()
+    else:
+        place = private.of_process()
+    if faults and (os.environ.get("RUNGWISE_CACHE") or len(faults) == len(_roots())):
+        _tell("; ".join(faults))
+    return place
+
+
+@cache
+def _tell(fault: str) -> None:
+    compiling.tell(f"rungwise: compiled kernels are not kept there: {fault}")
 
 
 @cache
@@ -120,10 +133,14 @@ def _file(module: str) -> Path | None:
     return next((file for file in known if file.is_file()), None)
 
 
-def _read(file: Path) -> bytes | None:
-    """Content of a file of the cache; None where it is missing, damaged or written under another name."""
+def _read(file: Path, is_shipped: bool) -> bytes | None:
+    """Content of a file of the cache; None where it is missing, damaged, written under another name, or of
+    another user. Who may change files of the package may change its code."""
     try:
-        kept = file.read_bytes() if file.is_file() else b""
+        with file.open("rb") as opened:
+            if not (is_shipped or private.is_own(os.fstat(opened.fileno()))):
+                return None
+            kept = opened.read()
         content = zlib.decompress(kept[_DIGEST_BYTES:])
     except (OSError, zlib.error):
         return None
@@ -163,7 +180,7 @@ class KernelCache(_Cache):
         if self._allocates:
             target.refresh()  # starts numba's memory manager, and loads all that compilation needs
         for file in self._files(signature, target):
-            content = _read(file)
+            content = _read(file, file.is_relative_to(_SHIPPED))
             if content is None:
                 continue
             with suppress(Exception):  # what a damaged pickle raises may be anything

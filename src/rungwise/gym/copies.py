@@ -19,6 +19,7 @@ from rungwise.simulation.state import State
 from rungwise.world.contract import Places, Ran, Runs
 from rungwise.world.find import world_of
 from rungwise.world.margins import Answers, Question, ask
+from rungwise.world.nearest import accepted
 
 
 @dataclass
@@ -99,7 +100,7 @@ class Copies:
     def begin_at(self, state: State, parameters: Mapping[str, float]) -> Standing:
         """One copy at a state. Raises StateError."""
         given = self.scene.parameters(parameters)
-        places, outcome = self._runs.placed(state, given)
+        places, outcome = self._runs.placed(accepted(self.scene, self.model, state, given), given)
         points = np.array([list(given.values())])
         return Standing(points, *places, np.full(1, outcome), np.zeros(1))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial, reduce
 from operator import add
 from pathlib import Path
@@ -31,12 +32,12 @@ from rungwise.simulation.planar.begin import take_start
 from rungwise.simulation.planar.state.allocation import allocate
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import begin_inputs
-from rungwise.simulation.planar.state.workspace import CONTROL, Workspace
+from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, in_memory
 from rungwise.simulation.reasons.reasons import JAM as JAM
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
-from rungwise.simulation.state import State, check_state
+from rungwise.simulation.state import Memory, State, check_state
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 
 if TYPE_CHECKING:
@@ -136,6 +137,13 @@ class Simulation(Turns):
         self.reason = self.reason or impossible_times(self.scene, self._setting.inputs, self._bound.values)
         if self.reason:
             self.outcome = Code.INVALID
+
+    def memory_at(self, memory: Memory, q: Reals) -> Memory:
+        """The memory of a state of this scene whose bodies were moved to q (n,)."""
+        assert self.workspace is not None
+        values = memory.values.copy()
+        in_memory(self.workspace.state, "q", values[None])[0][:] = q
+        return replace(memory, values=values)
 
     def _end_of_inputs(self) -> float:
         """The end of the schedule, or of the scene where there is none."""

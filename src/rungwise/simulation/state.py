@@ -109,7 +109,8 @@ class State:
             time: the time of the state.
             parameters: values of the scene's parameters.
 
-        A run that begins there says whether bodies overlap and joints are open. Raises StateError for an
+        A run begins at the nearest place where no bodies overlap and joints are closed, and says how far that
+        is. Raises StateError for an
         unknown name or a value that is no finite number, SceneError for wrong parameters.
         """
         loaded = load(scene)

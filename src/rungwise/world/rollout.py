@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from rungwise.deadline import Deadline, seconds
@@ -15,8 +16,10 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.rows import States
+from rungwise.simulation.state import State
 from rungwise.world.arguments import asked
 from rungwise.world.find import world_of
+from rungwise.world.nearest import accepted
 from rungwise.world.rolled import Rolled
 
 if TYPE_CHECKING:
@@ -88,7 +91,8 @@ def rollout(
         scene, model, step, tol, theta, motion: as for `simulate`, except that steps are error-controlled
             unless `tol` is None.
         states: one state or m states; or positions (m, n), or positions and velocities (m, 2 n), at t = 0;
-            the scene's start if not given. A state of a run continues as in `simulate(..., state=)`.
+            the scene's start if not given. A state continues as in `simulate(..., state=)`, one of no run
+            at the nearest that is accepted; positions stay as they are given.
         inputs: values (m, s, u) of the scene's inputs, or (s, u) for all samples, or a mapping of names to
             values (m, s), (s,) or a number; inputs not named stay as they are.
         durations: of segments, (m, s), (s,), or a number for all; 0 skips one. The runs end with the last.
@@ -109,9 +113,27 @@ def rollout(
     also an array of one row, is used for all m."""
     deadline = Deadline(seconds(limit))
     scene, rung = load(scene), moving_rung(model)
-    wanted = asked(scene, states, inputs, durations, until, ramp, parameters)
+    wanted = asked(
+        scene, _accepted(scene, rung, states, parameters), inputs, durations, until, ramp, parameters
+    )
     options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
     return world_of(scene).rollout(
         rung, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk, deadline=deadline,
         on_progress=on_progress,
     )  # fmt: skip
+
+
+def _accepted(
+    scene: AnyScene, rung: Rung, states: States | None, parameters: Mapping[str, ArrayLike] | None
+) -> States | None:
+    """States, each the nearest that a run accepts at the parameters that are numbers for all samples."""
+    if states is None or isinstance(states, np.ndarray):
+        return states
+    given = {
+        name: float(np.asarray(value)) for name, value in (parameters or {}).items() if np.ndim(value) == 0
+    }
+    if isinstance(states, State):
+        return accepted(scene, rung, states, given)
+    if not isinstance(states, Sequence) or not all(isinstance(each, State) for each in states):
+        return states
+    return [accepted(scene, rung, each, given) for each in states]

@@ -113,7 +113,7 @@ class Parting:
         at these parameters."""
         place = self._world.place(parameters)
         gaps = place.geometry(q)[0]
-        key = q.tobytes() + gaps.tobytes() + lasting.tobytes()
+        key = q.tobytes() + gaps.tobytes() + lasting.tobytes() + repr(sorted(parameters.items())).encode()
         if key not in self._known:
             found = self._apart(place, q, gaps, lasting)
             self._known[key] = self._accepted(place, q, found, parameters)
@@ -123,15 +123,15 @@ class Parting:
         """Places (s, n_q) that were found from q, those at which no run begins moved to the nearest one at
         which one does, where that is near."""
 
-        def begins(at: Reals, _: Reals) -> Reals:
+        def begins(at: Reals) -> Reals:
             if place.geometry(at[None])[1][0]:
                 raise PlaceError("overlaps")
             return at
 
-        nearest, still = Nearest(self._scene, parameters), np.zeros(len(self._moved.rates))
+        nearest = Nearest(self._scene, parameters)
         for i in np.flatnonzero(place.geometry(found)[1]):
             with suppress(PlaceError):
-                found[i], _ = nearest(found[i], still, begins)
+                found[i], _ = nearest(found[i], begins)
         return Apart(found, np.linalg.norm((found - q) * self._moved.weights, axis=1))
 
     def _slopes(self, place: Any, q: Reals) -> Reals:

@@ -293,11 +293,7 @@ class Policy:
             touching = around.touches(expected, CLOSED * self._task.size)
             near = (touching.gaps <= CLOSED * self._task.size) & self._rest.closes
             closing = Closing(touching.pairs[near], touching.gaps[near], ASTRAY * self._task.size)
-        return self._nearest(q, v, self._begun_at, closing)[0]
-
-    def _begun_at(self, q: Reals, v: Reals) -> Places:
-        """A place as the planner goes on from it. Raises PlaceError."""
-        return self._nominal.measured(q, v, self._levels)
+        return self._nearest(q, lambda at: self._nominal.measured(at, v, self._levels), closing)[0]
 
 
 def adequate(plan: Plan) -> Stage:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -35,7 +36,7 @@ from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.planar.state.held_since import DATINGS
 from rungwise.simulation.reasons.remarks import advice, stillness
-from rungwise.simulation.state import State, StateError
+from rungwise.simulation.state import Memory, State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 
 GAINED = 1e-12
@@ -246,6 +247,12 @@ class MovingSimulation(Turns, Kind):
             self._values.read(stepper, self.system)
         own = np.array([self._next, *self._margins, self._gained])
         return np.concatenate([self._clock.memory(), own, self._values.all, self.remembered()])
+
+    def memory_at(self, memory: Memory, q: Reals) -> Memory:
+        """The memory of a state of this scene whose bodies were moved to q (n_q,)."""
+        values, first = memory.values.copy(), len(self.scene.template.parameters) + 1
+        values[memory_parts(self.scene).values][first : first + len(q)] = q
+        return replace(memory, values=values)
 
     def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> list[Fault] | None:
         """Begin at a state; where it is of this scene, with what its run handed on: all of it on the same

@@ -103,6 +103,15 @@ class Limited:
         lengths = open_by * _units(rows[own], self.lever)
         return list(zip(lengths.tolist(), d.efc_type[own].tolist(), d.efc_id[own].tolist(), strict=True))
 
+    def open(self, d: mujoco.MjData) -> tuple[Reals, Reals]:
+        """Rows (k, n_v) of the equalities, and of the travel limits that are passed, in MuJoCo's units, and
+        by how much (k,) they are open or passed."""
+        first = int(d.ne + d.nf)
+        rows = _rows(d, first + int(d.nl), len(self.lever))
+        passed = [r for r in range(first, first + int(d.nl)) if d.efc_pos[r] < 0.0]
+        own = [*range(int(d.ne)), *passed]
+        return rows[own], d.efc_pos[own].copy()
+
 
 @kernel
 def fill_rows(

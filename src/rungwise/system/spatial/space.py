@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 ROOM, SPARE, BEGINS = 16, 64, 1.5
 """Contacts that there is room for: so many for each geom that may touch something, and more; doubled until
 they are so many times those of the start."""
+CLOSINGS, SHUT = 10, 1e-12
+"""Gauss-Newton steps at most in which equalities are closed, and by what part of the length they may be open
+afterwards."""
 LISTENS = 4
 """In one of so many steps gaps are compared with those of the step before: noise lasts longer."""
 AHEAD = 2.0
@@ -192,6 +195,17 @@ class Space:
         """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
         self._at(q)
         return self.limited.violations(self.data)
+
+    def closed(self, q: Reals) -> Reals:
+        """The place (n_q,) next to q at which equalities hold and no limit is passed, by Gauss-Newton steps;
+        where there is none, near what comes nearest."""
+        for _ in range(CLOSINGS):
+            self._at(q)
+            rows, by = self.limited.open(self.data)
+            if not np.abs(by).max(initial=0.0) > SHUT * self.size.length:
+                break
+            q = self.integrate(q, np.asarray(-np.linalg.lstsq(rows, by, rcond=None)[0], float), 1.0)
+        return q
 
     def gap(self, q: Reals, a: int, b: int) -> float:
         """The distance of two bodies, negative where they overlap: of their geoms that may touch something,

@@ -56,7 +56,7 @@ class MovingPlace:
         return scale_of(dimension, self.system.size.length, self.bound.duration, 1.0, 0.0)
 
     def closed(self, q: Reals, v: Reals, _freedom: Reals) -> tuple[Reals, Reals]:
-        """See `world.contract.Place`; these worlds have no joints that a state could open."""
+        """See `world.contract.Place`; where a world says no more, it has no joints to be opened."""
         return q, v
 
     def poses(self, _q: Reals) -> Reals:

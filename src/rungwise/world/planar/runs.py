@@ -163,16 +163,16 @@ class PlanarRuns:
         memory = Memory(place.memory[0], digest(self.scene), self.model, 1.0, ())
         own = place.q[0]
 
-        def begins(q: Reals, v: Reals) -> Places:
+        def begins(q: Reals) -> Places:
             kept = memory if q is own else None
-            state = State(self.scene.template.coordinates, q, v, float(place.time[0]), kept)
+            state = State(self.scene.template.coordinates, q, place.v[0], float(place.time[0]), kept)
             begun = self._begun(state, given)
             if isinstance(begun, str):
                 raise PlaceError(begun)
             return begun
 
         try:
-            return Nearest(self.scene, given)(own, place.v[0], begins)[0]
+            return Nearest(self.scene, given)(own, begins)[0]
         except PlaceError:
             return Places.by_hand(place.q.copy(), place.v.copy())
 

@@ -58,6 +58,13 @@ class SpatialPlace(MovingPlace):
         gravity, mass = float(np.linalg.norm(model.opt.gravity)), float(model.body_mass.max(initial=0.0))
         return scale_of(dimension, float(model.stat.extent), self.bound.duration, mass, gravity)
 
+    def closed(self, q: Reals, v: Reals, _freedom: Reals) -> tuple[Reals, Reals]:
+        """See `world.contract.Place`; velocities stay as they are."""
+        model = self.space.model
+        if not model.neq and not model.ntendon:
+            return q, v
+        return np.array([self.space.closed(row) for row in q]), v
+
     def recall(self, core: Reals) -> None:
         recall(self._stepper, self.space, core)
 
