@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "rungwise"
 PAGE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
 STATIONS = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", PAGE)
-MOST_FILES, MOST_LINES = 15, 400
+MOST_FILES, MOST_LINES = 15, 600
 
 
 def names_in(file: Path) -> set[str]:
