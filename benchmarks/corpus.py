@@ -3,10 +3,10 @@
     python benchmarks/corpus.py record [FOLDER] [--scenes two_finger pile my_scene.yaml] [--most 150]
     python benchmarks/corpus.py record [FOLDER] --tests tests/simulation
     python benchmarks/corpus.py sample [FOLDER] --into tests/contact/corpus.npz --most 2
-    python benchmarks/corpus.py replay [FOLDER] [--solver chain] [--cold] [--families]
+    python benchmarks/corpus.py replay [FOLDER] [--solver step] [--cold] [--families]
 
 `record` runs every shipped scene, and heaps of boxes, on each rung that moves bodies, or it runs tests.
-It keeps of each such family (of tests: each function) at most so many problems that the chain's first
+It keeps of each such family (of tests: each function) at most so many problems that the first
 guess answered, drawn evenly, and as many of the others. Files that are there stay as they are, so an
 interrupted recording goes on. `sample` puts a few of each family into one file, of those that are small.
 `replay` gives the problems to a solver, warm (from where the run's step began) or cold (from nothing),
@@ -34,9 +34,7 @@ import pytest
 from piles import pyramid
 
 import rungwise as rw
-from rungwise.contact.solvers.plane.chain import solve_sparse
-from rungwise.contact.solvers.space.balls import solve_with_balls
-from rungwise.contact.solvers.space.chain import solve_spatial
+from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step import (
     SOLVED,
     TOLERANCE,
@@ -44,11 +42,9 @@ from rungwise.contact.step import (
     Sizes,
     Unknowns,
     matrix_size,
-    solve_planar,
+    solve_problem,
 )
-from rungwise.contact.step.residual_in_space import residual_in_space
 from rungwise.contact.step.solve import GUESS
-from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Reals
 from rungwise.simulation import run
 from rungwise.simulation.core import stepper
@@ -66,6 +62,8 @@ SMALL = 30
 ALIKE = 1e-5
 """Part of the greatest velocity of a problem by which answers differ at most that count as the same."""
 HEAPS = (10, 45, 91)
+NOWHERE = np.empty((0, 4), np.int64)
+"""Entries may be in any column."""
 
 
 def main() -> None:
@@ -76,7 +74,7 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=[])
     parser.add_argument("--most", type=int, default=150)
     parser.add_argument("--into", type=Path, default=Path("tests/contact/corpus.npz"))
-    parser.add_argument("--solver", choices=sorted(SOLVERS), default="chain")
+    parser.add_argument("--solver", choices=sorted(SOLVERS), default="step")
     parser.add_argument("--cold", action="store_true")
     parser.add_argument("--families", action="store_true", help="a row for each scene on each rung")
     asked = parser.parse_args()
@@ -250,21 +248,22 @@ Solver = Callable[[Note, Unknowns], Answer]
 """Solves a note's problem from a start, which it may change."""
 
 
-def chain(note: Note, start: Unknowns) -> Answer:
+def step(note: Note, start: Unknowns) -> Answer:
     """What a step runs."""
     p, sizes, halt = note.problem, sizes_of(note), np.zeros(1, np.int64)
-    n, contacts, limited = sizes
-    everywhere = np.tile(np.array([0, n, n, n]), (contacts, 1)), np.tile(np.array([0, n]), (n, 1))
-    if (note.surface != APART).any():
-        found = solve_with_balls(p, sizes, start, note.surface, *everywhere, halt)
-        return Answer(found <= TOLERANCE, start)
-    if p.R.shape[1] > 2:
-        return Answer(solve_spatial(p, sizes, start, *everywhere, halt)[0] == SOLVED, start)
-    if n >= CROWDED:
-        return Answer(solve_sparse(p, sizes, start, *everywhere, halt)[0] == SOLVED, start)
-    side = matrix_size(n, contacts, limited)
+    modes = p.R.shape[1] == 2 and sizes.n < CROWDED
+    side = matrix_size(*sizes) if modes else 0
     room = Elimination(np.zeros((side, side + 1)), np.zeros(side, np.int64))
-    return Answer(solve_planar(p, sizes, start, room, halt)[0] == SOLVED, start)
+    surface = note.surface if (note.surface != APART).any() else note.surface[:0]
+    status, _, _ = solve_problem(p, sizes, start, surface, NOWHERE, NOWHERE, room, halt)
+    return Answer(status == SOLVED, start)
+
+
+def groups(note: Note, start: Unknowns) -> Answer:
+    """The contact solver alone, without guess and search of modes."""
+    halt = np.zeros(1, np.int64)
+    status, _, _ = solve_groups(note.problem, sizes_of(note), start, note.surface, NOWHERE, NOWHERE, halt)
+    return Answer(status == SOLVED, start)
 
 
 def by_solve(note: Note, start: Unknowns) -> Answer:
@@ -277,7 +276,7 @@ def by_solve(note: Note, start: Unknowns) -> Answer:
     return Answer(found.status.value == "solved", start._replace(v=v, force=force, tau=tau))
 
 
-SOLVERS: dict[str, Solver] = {"chain": chain, "rw.solve": by_solve}
+SOLVERS: dict[str, Solver] = {"step": step, "groups": groups, "rw.solve": by_solve}
 
 
 def sizes_of(note: Note) -> Sizes:
@@ -293,8 +292,9 @@ def started(note: Note, cold: bool) -> Unknowns:
 
 def judged(note: Note, found: Unknowns) -> float:
     """The residual of an answer, from the problem as it was given."""
-    judge = residual if note.problem.R.shape[1] == 2 else residual_in_space
-    return float(judge(note.problem, sizes_of(note), found))
+    return float(
+        residual_of_groups(note.problem, sizes_of(note), found, note.surface, NOWHERE, NOWHERE)
+    )
 
 
 def alike(note: Note, found: Unknowns) -> bool:
@@ -337,8 +337,7 @@ def tried(note: Note, solver: Solver, cold: bool) -> Row:
     start, began = started(note, cold), time.process_time()
     answer = solver(note, start)
     took = time.process_time() - began
-    surfaces = bool((note.surface != APART).any())
-    solved = answer.solved and (surfaces or judged(note, answer.unknowns) <= TOLERANCE)
+    solved = answer.solved and judged(note, answer.unknowns) <= TOLERANCE
     return Row(note.status == SOLVED, solved, solved and alike(note, answer.unknowns), took)
 
 

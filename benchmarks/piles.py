@@ -2,13 +2,11 @@
 
     python benchmarks/piles.py [--bodies N …] [--steps N] [--fall N …]
 
-A pile is a pyramid of boxes at rest on level ground, with the friction of wood. Each row is a pile on both
-dynamic rungs:
+A pile is a pyramid of boxes at rest on level ground, with the friction of wood. Each row is a pile on one
+of three rungs:
 
   bodies    boxes, and contacts of the last step
   ms        milliseconds of processor time per step, of all steps but the first few
-  full      milliseconds that the chain of few bodies takes for the last step's problem, from its answer; left
-            out above 100 bodies
   residual  the worst of the run
 
 Lines of exponents follow: of the time between the smallest and the largest pile of at most 400 bodies. Then
@@ -26,14 +24,14 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar
 from rungwise.simulation.run import Simulation
 
 BODIES, FALLING = (45, 91, 190, 351), (40, 91)
 FIRST, STEPS = 5, 20
 FALL, FALLEN = 2e-3, 1250
 """Step of a heap that falls, and how many steps it falls for."""
-MOST_FULL, MOST_FITTED = 100, 400
+MOST_FITTED = 400
+MODELS = rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT, rw.QUASISTATIC_RIGID
 
 
 def pyramid(bodies: int) -> tuple[rw.Scene, int]:
@@ -93,22 +91,6 @@ def fall(bodies: int, model: rw.Rung) -> str:
     return f"{bodies:6} {model.name:<17} {np.mean(counted):7.2f} {most:7.1f} {max(counted):7.1f} {worst:8.0e}"
 
 
-def in_full(run: Simulation) -> float:
-    """Milliseconds of `solve_planar` for the last step's problem, from its answer."""
-    assert run.workspace is not None
-    clock, scratch = run.workspace.state.clock[0], run.workspace.scratch
-    sizes = Sizes(int(clock["free"]), int(clock["contacts"]), int(clock["limited"]))
-    side = matrix_size(*sizes)
-    room, took = Elimination(np.zeros((side, side + 1)), np.zeros(side, np.int64)), math.inf
-    for _ in range(2):
-        mode, force = scratch.mode.copy(), scratch.contact_force.copy()
-        guess = Unknowns(mode, np.zeros(sizes.n), force, scratch.limited_force.copy())
-        began = time.process_time()
-        solve_planar(run.workspace.problem, sizes, guess, room, scratch.halt)
-        took = min(took, time.process_time() - began)
-    return 1e3 * took
-
-
 def measure(scene: rw.Scene, model: rw.Rung, steps: int) -> tuple[int, float, float, Simulation]:
     """Contacts, milliseconds per step and worst residual of a run, and the run."""
     run = Simulation(scene, model, frames=3)
@@ -127,14 +109,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--fall", type=int, nargs="*", default=FALLING)
     given = parser.parse_args(arguments)
-    print(f"{'bodies':>6} {'contacts':>8}  {'rung':<17} {'ms':>7} {'full':>7} {'residual':>8}")
+    print(f"{'bodies':>6} {'contacts':>8}  {'rung':<17} {'ms':>7} {'residual':>8}")
     found: dict[str, list[tuple[int, float]]] = {}
     for bodies in given.bodies:
         scene, count = pyramid(bodies)
-        for model in (rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT):
-            contacts, ms, residual, run = measure(scene, model, given.steps)
-            full = f"{in_full(run):7.1f}" if count <= MOST_FULL else "      –"
-            print(f"{count:6} {contacts:8}  {model.name:<17} {ms:7.2f} {full} {residual:8.0e}", flush=True)
+        for model in MODELS:
+            contacts, ms, residual, _ = measure(scene, model, given.steps)
+            print(f"{count:6} {contacts:8}  {model.name:<17} {ms:7.2f} {residual:8.0e}", flush=True)
             if count <= MOST_FITTED:
                 found.setdefault(model.name, []).append((count, ms))
     for name, times in found.items():

@@ -1,4 +1,4 @@
-"""Steps of scenes in space: what `solve_spatial` takes for the contact problems of MuJoCo's scenes.
+"""Steps of scenes in space: what the contact solver takes for the contact problems of MuJoCo's scenes.
 
     python benchmarks/spatial_steps.py [--scene NAME …] [--steps N] [--h H …] [--save FOLDER]
 
@@ -31,7 +31,7 @@ import mujoco as mj
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.solvers.space.chain import solve_spatial
+from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.kernel import linking_time
@@ -106,7 +106,7 @@ class Tally:
 
 @dataclass
 class Space:
-    """One run of a model of MuJoCo with forces from `solve_spatial`."""
+    """One run of a model of MuJoCo with forces from the contact solver."""
 
     model: mj.MjModel
     compliant: bool
@@ -191,10 +191,11 @@ class Space:
         tau = self.tau.copy() if len(self.tau) == len(p.F) else np.zeros(len(p.F))
         start = flat.copy(), tau.copy()
         began = time.perf_counter() - linking_time()
-        status, found, stage = solve_spatial(
+        status, found, stage = solve_groups(
             p,
             Sizes(m.nv, k, len(p.F)),
             Unknowns(modes, v, flat, tau),
+            np.empty(0, np.int64),
             EVERYWHERE,
             EVERYWHERE,
             np.zeros(1, np.int64),

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step.enumerate_modes import solve_by_enumeration
 from rungwise.contact.step.mode_newton import solve_by_modes
 from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
-from rungwise.contact.step.proximal import solve_proximal
-from rungwise.contact.step.solve import TOLERANCE, matrix_size, solve_planar
+from rungwise.contact.step.solve import TOLERANCE, matrix_size, solve_problem
 from rungwise.contact.step.step_residual import residual
 
 Array = NDArray[np.float64]
@@ -119,14 +119,13 @@ def _run(
     out = Unknowns(modes, np.zeros(n), force.copy(), tau.copy())
     halt = np.zeros(1, np.int64)
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
-    status = 0
+    status, nowhere = 0, np.empty((0, 4), np.int64)
     if solver == "planar":
-        status, _, _ = solve_planar(p, sizes, out, room, halt)
+        status, _, _ = solve_problem(p, sizes, out, np.empty(0, np.int64), nowhere, nowhere, room, halt)
     elif solver == "lemke":
         status = 0 if solve_by_pivoting(p, sizes, out, False, halt) else 1
     elif solver == "proximal":
-        found = solve_proximal(p, sizes, out, room, 0.1 * TOLERANCE, halt)
-        status = int(found > TOLERANCE)
+        status, _, _ = solve_groups(p, sizes, out, np.empty(0, np.int64), nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:

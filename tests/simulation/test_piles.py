@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.solvers.plane.chain import solve_sparse
 from rungwise.contact.solvers.plane.judge import exertion_of, residual_of
 from rungwise.contact.solvers.plane.part import compress
 from rungwise.contact.step import (
@@ -19,7 +18,7 @@ from rungwise.contact.step import (
     Sizes,
     Unknowns,
     matrix_size,
-    solve_planar,
+    solve_problem,
     trim,
 )
 from rungwise.contact.step.proximal import exertion
@@ -91,10 +90,9 @@ def solved(
     found = Unknowns(np.zeros(k + b, np.int64), np.zeros(n), np.zeros(2 * k), np.zeros(b))
     if start is not None:
         found = Unknowns(*(part.copy() for part in start))
-    if spans is not None:
-        status, error, _ = solve_sparse(p, sizes_of(p), found, *spans, np.zeros(1, np.int64))
-    else:
-        status, error, _ = solve_planar(p, sizes_of(p), found, room, np.zeros(1, np.int64))
+    nowhere = np.empty((0, 4), np.int64)
+    spans, none = spans or (nowhere, nowhere), np.empty(0, np.int64)
+    status, error, _ = solve_problem(p, sizes_of(p), found, none, *spans, room, np.zeros(1, np.int64))
     return status, error, found
 
 

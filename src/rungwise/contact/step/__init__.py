@@ -12,21 +12,18 @@ from rungwise.contact.step.problem import (
     trim,
 )
 from rungwise.contact.step.solve import (
-    ENUMERATION,
+    GUESS,
     NO_SOLUTION,
-    PIVOTING,
     PROXIMAL,
+    SEARCH,
     SOLVED,
     TOLERANCE,
     matrix_size,
-    solve_planar,
+    solve_problem,
 )
-from rungwise.contact.step.steady import correct_velocities
-from rungwise.contact.step.worth import judged
 
 __all__ = [
-    "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "PROXIMAL",
-    "SOLVED", "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
-    "correct_velocities", "judged", "keep_contacts", "matrix_size", "solve_planar", "start_associated",
-    "trim",
+    "ANY", "BACKWARD", "FORWARD", "GUESS", "NAMES", "NO_SOLUTION", "OPEN", "PROXIMAL", "SEARCH", "SOLVED",
+    "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
+    "keep_contacts", "matrix_size", "solve_problem", "start_associated", "trim",
 ]  # fmt: skip

@@ -1,93 +1,85 @@
-"""The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode,
-else every mode of few contacts that touch.
+"""What a step runs: of few bodies in the plane a warm guess of modes, then the contact solver; of few contacts
+in the plane, in the end, a search over all modes.
 
-A mode with more closed rows than coordinates is no guess; the mode guess of a large system comes after the
-proximal point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
-NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
+A mode with more closed rows than coordinates is no guess. Promises: SOLVED only with a residual within
+`TOLERANCE`; NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a
+certificate.
 """
 
 from __future__ import annotations
 
-import math
-
 from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
+from rungwise.contact.step.exertion import WEDGED, exertion
 from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
 from rungwise.contact.step.step_residual import residual
-from rungwise.kernel import Ints, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, imported_kernel, kernel, rare_kernel
 
 TOLERANCE = 1e-8
 """Residual, without unit (see `residual`), up to which a step is solved. Chosen by trial, to a decade."""
-ENOUGH = 1e-9
-"""Residual up to which a guess is taken, and a proximal point that improves no more. Chosen by trial, a
-decade below `TOLERANCE`."""
-WEDGED = 1e8
-"""Forces that exceed the needs of loads and demanded rates by this factor belong to a singular mode: beside
-them any other error looks small. Chosen by trial, to a decade."""
+EXACT, NEAR = 1e-14, 1e-9
+"""Residual up to which a guess is taken, and up to which the solver starts from it: where next to nothing resists
+a motion, a residual above rounding moves bodies far."""
 LARGE = 24
-"""Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
-LARGEST = 600
-"""Size up to which it takes no more than some tenths of a second, within which no halt is heard."""
+"""Size of a mode's system from which on the contact solver is faster."""
 SOLVED, NO_SOLUTION = 0, 1
-GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
-"""Stages of the chain."""
-_OPPOSITE = 1e-12
-"""Two rows are opposite, and demands in conflict, to this relative error: about ten thousand roundings of
-double precision. Chosen by trial, to a decade."""
-SPARE = 8
+GUESS, PROXIMAL, SEARCH = 0, 1, 2
+"""What answered: the active set of the start, proximal problems after it, the search over modes."""
+SPARE = 3
 """Rows of the scratch matrix for vectors, beside the rows of the largest system."""
 
 
 def matrix_size(n: int, contacts: int, limited: int) -> int:
-    """Side of the scratch matrix that a step's chain needs, one more in columns."""
+    """Side of the scratch matrix that guesses and searches of modes need, one more in columns."""
     return n + 2 * contacts + limited + SPARE
 
 
-@kernel
-def solve_planar(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, halt: Ints
+@imported_kernel("rungwise.contact.solver.step")
+def solve_groups(
+    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints, halt: Ints
 ) -> tuple[int, float, int]:
-    """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual, the stage
-    that the chain came to). It ends without when halt (1,) is set."""
-    size = _determined_size(problem, sizes, unknowns.mode)
-    kept = room.matrix[room.matrix.shape[0] - 2]
-    if 0 < size <= LARGE:
-        collect(sizes, unknowns, kept)
-        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
-        if found <= ENOUGH and exertion(problem, sizes, unknowns) <= WEDGED:
-            return SOLVED, found, GUESS
-        spread(sizes, kept, unknowns)
-    if halt[0] != 0 or _is_squeezed(problem, sizes.n, sizes.contacts):
-        _clear(sizes, unknowns)
-        return NO_SOLUTION, residual(problem, sizes, unknowns), GUESS
-    found = solve_proximal(problem, sizes, unknowns, room, ENOUGH, halt)
-    if found > TOLERANCE and LARGE < size <= LARGEST:
-        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
-    if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
-        return SOLVED, found, PROXIMAL
-    if sizes.contacts + sizes.limited == 0:
-        return NO_SOLUTION, found, PROXIMAL
-    for polish in (True, False):
-        if not solve_by_pivoting(problem, sizes, unknowns, False, halt):
-            break
-        if polish:
-            found = solve_proximal(problem, sizes, unknowns, room, ENOUGH, halt)
-        else:
-            found = residual(problem, sizes, unknowns)
-        if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
-            return SOLVED, found, PIVOTING
+    """See the module."""
+    raise NotImplementedError
+
+
+@kernel
+def solve_problem(
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    room: Elimination,
+    halt: Ints,
+) -> tuple[int, float, int]:
+    """Solve, starting from `mode`, v, `force` and `tau`, into these; returns (status, residual, what
+    answered). It ends without when halt (1,) is set. `surface`, `columns` and `couplings`: see
+    `solve_groups`; `room` is empty where no modes are guessed or searched."""
+    by_modes = problem.R.shape[1] == 2 and len(room.order) > 0 and len(surface) == 0
+    if by_modes:
+        size = _determined_size(problem, sizes, unknowns.mode)
+        if 0 < size <= LARGE:
+            forces, v = room.matrix[room.matrix.shape[0] - 2], room.matrix[room.matrix.shape[0] - 3]
+            collect(sizes, unknowns, forces, v)
+            found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
+            near = found <= NEAR and exertion(problem, sizes, unknowns) <= WEDGED
+            if near and found <= EXACT:
+                return SOLVED, found, GUESS
+            if not near:
+                spread(sizes, forces, v, unknowns)
+    status, found, stage = solve_groups(problem, sizes, unknowns, surface, columns, couplings, halt)
+    if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
+        return status, found, stage
     touching = mode_count(problem, sizes, False) > MAX_MODES
     if mode_count(problem, sizes, touching) <= MAX_MODES:
         found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
-            return SOLVED, found, ENUMERATION
-    _clear(sizes, unknowns)
-    if not math.isfinite(found):  # the last iterate has no measure; what is handed over has
+            return SOLVED, found, SEARCH
+        _clear(sizes, unknowns)
         found = residual(problem, sizes, unknowns)
-    return NO_SOLUTION, found, ENUMERATION
+    return NO_SOLUTION, found, SEARCH
 
 
 @rare_kernel
@@ -105,27 +97,27 @@ def _clear(sizes: Sizes, unknowns: Unknowns) -> None:
 
 
 @kernel
-def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
-    """Whether two rigid contacts push in opposite directions and demand more room than there is: W_i + ratio
-    W_j = 0 while w_i + ratio w_j < 0."""
-    for i in range(contacts):
-        for j in range(i):
-            a, b = 2 * i, 2 * j
-            across, own, other = 0.0, 0.0, 0.0
-            for k in range(n):
-                across += p.W[a, k] * p.W[b, k] / p.H[k, k]
-                own += p.W[a, k] * p.W[a, k] / p.H[k, k]
-                other += p.W[b, k] * p.W[b, k] / p.H[k, k]
-            if across >= 0.0 or p.R[i, 0, 0] != 0.0 or p.R[j, 0, 0] != 0.0:
-                continue
-            ratio, left = -across / other, 0.0
-            for k in range(n):
-                left = max(left, (p.W[a, k] + ratio * p.W[b, k]) ** 2 / p.H[k, k])
-            demand = p.w[a] + ratio * p.w[b]
-            sure = demand < -_OPPOSITE * (abs(p.w[a]) + ratio * abs(p.w[b]))
-            if sure and left <= _OPPOSITE**2 * own:
-                return True
-    return False
+def collect(sizes: Sizes, unknowns: Unknowns, all_forces: Reals, v: Reals) -> None:
+    """Copy the forces of contacts and limited rows into one vector, and velocities into another."""
+    for i in range(sizes.n):
+        v[i] = unknowns.v[i]
+    rows = 2 * sizes.contacts
+    for r in range(rows):
+        all_forces[r] = unknowns.force[r]
+    for r in range(sizes.limited):
+        all_forces[rows + r] = unknowns.tau[r]
+
+
+@kernel
+def spread(sizes: Sizes, all_forces: Reals, v: Reals, unknowns: Unknowns) -> None:
+    """Copy forces from one vector into those of contacts and limited rows, and velocities from another."""
+    for i in range(sizes.n):
+        unknowns.v[i] = v[i]
+    rows = 2 * sizes.contacts
+    for r in range(rows):
+        unknowns.force[r] = all_forces[r]
+    for r in range(sizes.limited):
+        unknowns.tau[r] = all_forces[rows + r]
 
 
 @kernel

@@ -16,7 +16,7 @@ import math
 
 from rungwise.contact.step import NO_SOLUTION, SOLVED, STICK, ContactProblem, Sizes
 from rungwise.kernel import Reals, inner_kernel, kernel, rare_kernel
-from rungwise.simulation.core.limit_surface import ROUNDED, VAGUE, solve_supported
+from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import Terms
 
@@ -25,6 +25,11 @@ ROW, COS, SIN, RATIO, EDGE, LAST, SPOT, END, LINE, SHARE = 0, 1, 2, 3, 4, 5, 6, 
 FACTOR, FORCE, MOTION, OFFSET = 0, 9, 12, 15
 """Places in a row of `scratch.ellipsoid`: the factor L of Q = L L^T, force over F, motion, and rates at rest
 of its three rows."""
+ROUNDED = 1e-13
+"""Rounding of a speed, over the speed of the fastest surface: a surface far slower knows its direction less
+well, and its law is met as far as that. Chosen by trial, to a decade."""
+VAGUE = 1e-6
+"""Greatest distance that rounding excuses."""
 TURNS = 500
 """Ellipsoids after which a law counts as not met."""
 MET = 1e-8
@@ -41,12 +46,12 @@ SLOWEST = 1e-12
 def solve_exact(
     sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> tuple[int, float, int]:
-    """Solve the assembled problem as `solve_supported`, with the limit surfaces of `terms.exact`."""
+    """Solve the assembled problem as `solve_scratch`, with the limit surfaces of `terms.exact`."""
     _begin(terms, state, scratch, problem)
     status, found, stage = NO_SOLUTION, math.inf, 0
     for _ in range(TURNS):
-        _take_ellipsoids(terms, scratch, problem)
-        status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
+        _take_ellipsoids(sizes, terms, state, scratch, problem)
+        status, found, stage = solve_scratch(problem, sizes, terms, scratch, True)
         if status != SOLVED:
             break
         apart, met = _compare(sizes, terms, state, scratch)
@@ -54,7 +59,8 @@ def solve_exact(
             found = max(found, apart)
             break
         status = NO_SOLUTION
-    _give_back(status == SOLVED, terms, scratch)
+    if status == SOLVED:
+        _give_back(terms, scratch)
     return status, found, stage
 
 
@@ -67,7 +73,6 @@ def _begin(terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
         for i in range(3 if row >= 0 else 0):
             own[OFFSET + i] = own[MOTION + i] = problem.w_s[row + i]
             for j in range(state.v.shape[0]):
-                scratch.bare[3 * m + i, j] = terms.limited[row + i, j]
                 if not state.prescribed[j]:
                     own[MOTION + i] += terms.limited[row + i, j] * state.v[j]
         if row >= 0 and not _shape(m, terms, own):
@@ -76,30 +81,30 @@ def _begin(terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 
 
 @kernel
-def _take_ellipsoids(terms: Terms, scratch: Scratch, problem: ContactProblem) -> None:
+def _take_ellipsoids(
+    sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+) -> None:
     """Let the rows of each surface be those in which its ellipsoid is a ball."""
     for m in range(terms.exact.shape[0]):
         row, own = int(terms.exact[m, ROW]), scratch.ellipsoid[m]
         for j in range(3 if row >= 0 else 0):
-            terms.limited[row + j, :] = 0.0
             problem.w_s[row + j] = 0.0
+            for c in range(sizes.n):
+                problem.S[row + j, c] = 0.0
             for i in range(j, 3):
                 part = own[FACTOR + 3 * i + j]
                 problem.w_s[row + j] += part * own[OFFSET + i]
-                for c in range(terms.limited.shape[1]):
-                    terms.limited[row + j, c] += part * scratch.bare[3 * m + i, c]
+                for c in range(sizes.n):
+                    problem.S[row + j, c] += part * terms.limited[row + i, state.free[c]]
 
 
 @kernel
-def _give_back(solved: bool, terms: Terms, scratch: Scratch) -> None:
-    """Give rows, and forces of a solution, back in the directions that they had."""
+def _give_back(terms: Terms, scratch: Scratch) -> None:
+    """Give forces back in the directions that rows had."""
     for m in range(terms.exact.shape[0]):
         row = int(terms.exact[m, ROW])
         for i in range(3 if row >= 0 else 0):
-            for c in range(terms.limited.shape[1]):
-                terms.limited[row + i, c] = scratch.bare[3 * m + i, c]
-            if solved:
-                scratch.limited_force[row + i] = terms.limit[row + i] * scratch.ellipsoid[m, FORCE + i]
+            scratch.limited_force[row + i] = terms.limit[row + i] * scratch.ellipsoid[m, FORCE + i]
 
 
 @kernel
@@ -118,7 +123,7 @@ def _compare(sizes: Sizes, terms: Terms, state: State, scratch: Scratch) -> tupl
                 tau = scratch.limited_force[row + j] / terms.limit[row + j]
                 own[FORCE + i] += own[FACTOR + 3 * i + j] * tau
             for j in range(sizes.n):
-                own[MOTION + i] += scratch.bare[3 * m + i, state.free[j]] * scratch.x[j]
+                own[MOTION + i] += terms.limited[row + i, state.free[j]] * scratch.x[j]
             size += own[MOTION + i] ** 2
         if scratch.mode[sizes.contacts + row] != STICK:
             noise = ROUNDED * _fastest(sizes, scratch) / math.sqrt(size) if size > 0.0 else math.inf

@@ -8,6 +8,7 @@ import numpy as np
 from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import Deadline
+from rungwise.simulation.core.limit_surface import in_boxes
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.system.terms import Terms
 
@@ -63,6 +64,7 @@ def unsupported(trial: Trial, near: float, deadline: Deadline) -> Certificate | 
     pushed = state.modes[trial.scratch.slots[:contacts]] != OPEN
     held = (terms.gap[:contacts] <= np.maximum(near, moved)) | pushed
     problem = trim(trial.problem, len(free), contacts, int(clock["limited"]))
+    problem = in_boxes(problem, terms, trial.scratch.limited_force)
     return certify_unsupported(keep_contacts(problem, held), resisting, deadline)
 
 

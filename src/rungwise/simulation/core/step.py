@@ -7,7 +7,7 @@ import math
 from rungwise.contact.step import (
     NO_SOLUTION,
     OPEN,
-    PIVOTING,
+    SEARCH,
     SOLVED,
     STICK,
     ContactProblem,
@@ -25,11 +25,10 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.balance import is_balanced
-from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
+from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
-from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.notes import note, note_start, notes_all
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
 from rungwise.system.terms import APART, METRIC, Terms
@@ -190,7 +189,7 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
         for i in range(n):
-            scratch.x[i] = state.v[state.free[i]] if rung[0].inertia == 1.0 else 0.0
+            scratch.x[i] = state.v[state.free[i]]
         status = solve_assembled(trial, convex)
         if bounced and status == SOLVED and state.laws.shape[1] > 0:
             status = expand(trial)
@@ -205,9 +204,6 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
         else:
             break
     clock.bounced = bounced
-    corrected = rung[0].inertia == 0.0 and state.force.shape[1] == 2 and scratch.halt[0] == 0
-    if status == SOLVED and corrected:
-        correct_in_plane(problem, sizes, terms, scratch)
     return status
 
 
@@ -265,14 +261,11 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         note_start(problem, sizes, scratch)
     if state.clock[0].surfaces and terms.exact.shape[0] > 0:
         status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
-    elif state.clock[0].surfaces:
-        status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
-    elif d == 2:
-        status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
     else:
-        status, found, stage = solve_in_space(problem, sizes, terms, scratch)
+        shared = bool(state.clock[0].surfaces)
+        status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
-    if noted and (status != SOLVED or stage >= PIVOTING or notes_all(scratch)):
+    if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):
         note(problem, sizes, terms.surface, status, stage, state, scratch)
     return status
 

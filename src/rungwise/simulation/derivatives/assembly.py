@@ -15,7 +15,7 @@ from rungwise.contact.step import (
     Sizes,
     Unknowns,
     matrix_size,
-    solve_planar,
+    solve_problem,
     trim,
 )
 from rungwise.deadline import go_on
@@ -189,7 +189,10 @@ class Assembly:
         unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
         size = matrix_size(n, count, limited)
         room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
-        solve_planar(work.problem, Sizes(n, count, limited), unknowns, room, scratch.halt)
+        nowhere = np.empty((0, 4), np.int64)
+        solve_problem(
+            work.problem, Sizes(n, count, limited), unknowns, np.empty(0, np.int64), nowhere, nowhere, room, scratch.halt
+        )
         return Sensitivity(
             trim(work.problem, n, count, limited), scratch.x[:n].copy(),
             scratch.contact_force[: 2 * count].copy(), scratch.limited_force[:limited].copy(),

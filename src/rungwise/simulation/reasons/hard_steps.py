@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rungwise.contact.files import h5py_library, write_fclib
-from rungwise.contact.step import ENUMERATION, NO_SOLUTION, SOLVED, ContactProblem, Unknowns
+from rungwise.contact.step import NO_SOLUTION, SEARCH, SOLVED, ContactProblem, Unknowns
 from rungwise.simulation.core.notes import Note, taken
 from rungwise.simulation.planar.state.workspace import Workspace
 
@@ -83,7 +83,7 @@ class HardSteps:
         clock, scratch = workspace.state.clock[0], workspace.scratch
         found = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
         last = Note(
-            NO_SOLUTION, ENUMERATION, float(clock["residual"]), float(clock["time"]), float(clock["tried"]),
+            NO_SOLUTION, SEARCH, float(clock["residual"]), float(clock["time"]), float(clock["tried"]),
             int(clock["steps"]), problem, workspace.terms.surface, found, found,
         )  # fmt: skip
         return self._write(self.count, last, outcome)
@@ -109,7 +109,5 @@ def _same(one: ContactProblem, other: ContactProblem) -> bool:
 
 
 def _outcome(note: Note) -> str:
-    """no_solution, or the stage of the chain that found a solution."""
-    if note.status != SOLVED:
-        return "no_solution"
-    return "enumeration" if note.stage == ENUMERATION else "pivoting"
+    """no_solution, or that the search over modes found one."""
+    return "search" if note.status == SOLVED else "no_solution"

@@ -18,7 +18,7 @@ from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.scene.template import records as rec
 from rungwise.simulation.core.crawl import lead_nowhere
-from rungwise.simulation.core.limit_surface import without_law
+from rungwise.simulation.core.limit_surface import in_boxes, without_law
 from rungwise.simulation.core.tolerances import NEAR, SINKING
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.planar.state.nearby import begin_step, gather
@@ -298,6 +298,7 @@ class Reasons:
         slots, gap = self.workspace.scratch.slots[:contacts], terms.gap[:contacts]
         closing = -float(state.clock[0]["tried"]) * (terms.rows[: 2 * contacts : 2] @ state.speed)
         near = (gap <= np.maximum(NEAR * state.clock[0]["reach"], closing)) | (state.modes[slots] != OPEN)
+        problem = in_boxes(problem, terms, self.workspace.scratch.limited_force)
         return keep_contacts(problem, near), near
 
     def _go_on(self) -> None:

@@ -18,9 +18,8 @@ from __future__ import annotations
 from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.assemble import approach
-from rungwise.simulation.core.chains import solve_in_plane, solve_in_space
+from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.exact_surface import solve_exact
-from rungwise.simulation.core.limit_surface import solve_supported
 from rungwise.simulation.core.state import IMPULSIVE, Trial, columns_of, sizes_in
 from rungwise.system.entries import is_crowded
 
@@ -143,14 +142,10 @@ def _solve(trial: Trial, sizes: Sizes) -> int:
     clock, d = state.clock[0], problem.R.shape[1]
     if clock.surfaces and terms.exact.shape[0] > 0:
         status, found, _ = solve_exact(sizes, terms, state, scratch, problem)
-    elif clock.surfaces:
-        status, found, _ = solve_supported(sizes, terms, state, scratch, problem)
-    elif d > 2:
-        status, found, _ = solve_in_space(problem, sizes, terms, scratch)
-        for r in range(sizes.limited):
-            scratch.mode[contacts + r] = scratch.mode[sizes.contacts + r]
     else:
-        status, found, _ = solve_in_plane(problem, sizes, terms, scratch)
+        status, found, _ = solve_scratch(problem, sizes, terms, scratch, bool(clock.surfaces))
+    for r in range(sizes.limited if d > 2 else 0):
+        scratch.mode[contacts + r] = scratch.mode[sizes.contacts + r]
     clock.residual = max(clock.residual, found)
     if status != SOLVED:
         return status

@@ -58,7 +58,8 @@ def add_pulls(records: Records, state: State, terms: Terms) -> None:
         for slot in range(2 * p, 2 * p + 2):
             if features[slot] == ABSENT:
                 continue
-            pulls = pull(contact, points[slot, GAP], state.modes[slot] != OPEN)
+            # What ends at the edge of the range is within it, whatever rounding leaves.
+            pulls = pull(contact, points[slot, GAP] - terms.rounding[0], state.modes[slot] != OPEN)
             for side in range(2 if pulls != 0.0 else 0):
                 b = contact.body_a if side == 0 else contact.body_b
                 body = records.bodies[b]

@@ -1,0 +1,239 @@
+"""The contact solver: the proximal point method outside, Newton's method on the natural map inside.
+
+Algorithm: of a start, Newton's method first takes the active set that its forces tell; then come proximal
+problems, each about the answer of the one before, until the residual, which is the judge's, is within the
+goal. Beside each iterate rest is judged as a candidate. The map looks ahead with force over rate of the
+iterate, as the judge measures both, so that neither is lost beside the other; where a start leads nowhere,
+with those of the problem, loads over demanded rates; then from nothing.
+Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
+Optim. 14 (1976) 877-898.
+Accepts: H positive definite. Promises: the least residual met, computed from the problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.solver.groups import Groups
+from rungwise.contact.solver.kinds import interval
+from rungwise.contact.solver.newton import Room, descend, evaluate
+from rungwise.contact.solver.residual import called, residual
+from rungwise.contact.solver.settings import (
+    CHANGE,
+    ENDLESS,
+    ENOUGH,
+    GOAL,
+    GROWN,
+    GUESS,
+    GUESSES,
+    LEAST,
+    LENGTHS,
+    MOST,
+    PROBLEMS,
+    ROUNDING,
+    SLOW,
+    STEPS,
+    STILL,
+    TOLERANCE,
+    WEDGED,
+    WEIGHT,
+)
+from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
+
+BY_ITERATE, BY_PROBLEM = 0, 1
+"""Whose force over rate the map looks ahead with."""
+
+
+@kernel
+def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
+    """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
+    when halt (1,) is set. count (3,): Newton steps, proximal problems, and starts before the last."""
+    copy(x, room.first_x)
+    copy(v, room.first_v)
+    warm = False
+    for r in range(len(x)):
+        warm |= x[r] != 0.0
+    room.least[0] = math.inf
+    _clear(v)
+    _note(g, x, v, True, room)
+    for start in range(4 if warm else 2):
+        if room.least[0] <= (GOAL if start == 0 else TOLERANCE) or halt[0] != 0:
+            break
+        count[2] = start
+        if start < 2:
+            copy(room.first_x, x)
+            copy(room.first_v, v)
+        else:
+            _clear(x)
+            _clear(v)
+        _approach(g, start % 2, start == 0, x, v, room, halt, count)
+    copy(room.best_x, x)
+    copy(room.best_v, v)
+    return float(room.least[0])
+
+
+@kernel
+def measure(g: Groups, x: Reals, v: Reals, room: Room) -> float:
+    """The residual; inf where forces exceed by far what the problem calls for."""
+    if not _excess(g, x, room.lever) <= WEDGED:
+        return math.inf
+    return residual(g, v, x, room.y, room.G, room.lever, room.a, room.b, room.scale)
+
+
+@kernel
+def _excess(g: Groups, x: Reals, lever: Reals) -> float:
+    """Greatest force over the greatest that the problem calls for; where hardly anything resists a body that
+    others press, over loads and limits, as forces, if that is less."""
+    greatest, most = _greatest(x), called(g)
+    excess = greatest / most if greatest > 0.0 else 0.0
+    if excess <= GROWN:
+        return excess
+    greatest, load = 0.0, _load(g, lever)
+    for r in range(len(x)):
+        greatest = max(greatest, abs(x[r]) * g.force[r])
+    return min(excess, greatest / load) if load > 0.0 else excess
+
+
+@kernel
+def _load(g: Groups, lever: Reals) -> float:
+    """Greatest force that a load or a limit calls for."""
+    load = 0.0
+    _clear(lever)
+    for k in range(len(g.kind)):
+        at = g.entry[k]
+        if g.kind[k] == interval.KIND and g.law[k, 1] < math.inf:
+            load = max(load, g.law[k, 1] * g.force[g.row[k]])
+        for r in range(g.row[k], g.row[k + 1]):
+            for e in range(g.first[k], g.first[k + 1]):
+                lever[g.column[e]] = max(lever[g.column[e]], abs(g.W[at]) / g.force[r])
+                at += 1
+    for i in range(len(g.c)):
+        if lever[i] > 0.0:
+            load = max(load, abs(g.c[i]) / lever[i])
+    return load
+
+
+@kernel
+def _note(g: Groups, x: Reals, v: Reals, settled: bool, room: Room) -> float:
+    """Measure an answer, and keep it if none was better; returns the residual. Forces that are not `settled`
+    and exceed what is called for may be growing without bound, which hides any error: they are no answer."""
+    found = measure(g, x, v, room)
+    if not settled and found <= TOLERANCE and _excess(g, x, room.lever) > GROWN:
+        return math.inf
+    if found < max(room.least[0], GOAL) or room.least[0] == math.inf:
+        room.least[0] = found
+        copy(x, room.best_x)
+        copy(v, room.best_v)
+    return found
+
+
+@kernel
+def set_pace(g: Groups, by: int, room: Room) -> None:
+    """Let the map look ahead with force over rate: those that the last answer was measured against, or those
+    of the problem; where one is missing, with one over the yield of each group. Velocities are held as
+    forces are."""
+    ratio = _demanded(g, room.lever) if by == BY_PROBLEM else 0.0
+    if by == BY_ITERATE and room.scale[0] > 0.0 and room.scale[1] > 0.0:
+        ratio = room.scale[0] / room.scale[1]
+    _clear(room.hold)
+    for k in range(len(g.kind)):
+        first, at = g.row[k], g.entry[k]
+        room.pace[k] = ratio * g.rate[first] / g.force[first] if ratio > 0.0 else 1.0
+        for _ in range(first, g.row[k + 1]):
+            for e in range(g.first[k], g.first[k + 1]):
+                i = g.column[e]
+                room.hold[i] = max(room.hold[i], room.pace[k] * g.W[at] * g.W[at])
+                at += 1
+
+
+@kernel
+def _demanded(g: Groups, lever: Reals) -> float:
+    """Force that loads and limits call for over the rates that are demanded; 0 where there is none."""
+    load, rate = _load(g, lever), g.noise[0]
+    for r in range(len(g.w)):
+        rate = max(rate, abs(g.w[r]) * g.rate[r])
+    return load / rate if load > 0.0 and rate > 0.0 else 0.0
+
+
+@kernel
+def _approach(
+    g: Groups, by: int, warm: bool, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints
+) -> None:
+    """The proximal point method from (x, v)."""
+    xc, vc = room.centre_x, room.centre_v
+    least, weight, endless = _note(g, x, v, True, room), WEIGHT, 0
+    set_pace(g, by, room)
+    size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
+    for problem in range(PROBLEMS):
+        most = 0 if room.least[0] <= ENOUGH else ENDLESS
+        if problem > 0 and (room.least[0] <= GOAL or endless > most) or halt[0] != 0:
+            break
+        count[1] += 1
+        guess = problem == 0 and warm
+        if guess:  # forces alone are those of a step before
+            weight = GUESS
+            _clear(room.hold)
+        copy(x, xc)
+        copy(v, vc)
+        goal = max(0.01 * min(weight, 1.0) * size, ROUNDING * max(1.0, _greatest(x)))
+        enough = max(goal, 0.1 * size)
+        reached = descend(g, weight, 1, GUESSES if guess else STEPS, goal, x, v, xc, vc, room, count)
+        if not guess and not reached <= enough:  # whole steps may cycle
+            copy(xc, x)
+            copy(vc, v)
+            reached = descend(g, weight, LENGTHS, STEPS, goal, x, v, xc, vc, room, count)
+        endless += 1
+        settled = _is_settled(x, xc)
+        found = _note(g, x, v, settled, room)
+        if found > ENOUGH and not reached <= enough:
+            copy(xc, x)
+            copy(vc, v)
+            if weight >= MOST:
+                break
+            if guess:
+                weight = CHANGE * WEIGHT
+                set_pace(g, by, room)
+            weight = min(weight / CHANGE, MOST)
+            continue
+        if found < 0.5 * least:
+            least, endless = found, 0
+        if found > GOAL or _is_slow(x, v):
+            _clear(vc)
+            _note(g, x, vc, settled, room)  # by these forces all may rest
+        if room.least[0] <= GOAL:
+            break
+        weight = CHANGE * WEIGHT if guess and room.least[0] > ENOUGH else max(CHANGE * weight, LEAST)
+        if by == BY_ITERATE:
+            measure(g, x, v, room)
+            set_pace(g, by, room)
+        size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
+
+
+@inner_kernel
+def _is_settled(x: Reals, centre: Reals) -> bool:
+    """Whether forces have hardly changed in a proximal problem."""
+    change = 0.0
+    for r in range(len(x)):
+        change = max(change, abs(x[r] - centre[r]))
+    return change <= STILL * _greatest(x)
+
+
+@inner_kernel
+def _is_slow(x: Reals, v: Reals) -> bool:
+    """Whether velocities may be rounding beside forces, where each body and each group yields by one."""
+    return _greatest(v) <= SLOW * max(1.0, _greatest(x))
+
+
+@inner_kernel
+def _greatest(a: Reals) -> float:
+    greatest = 0.0
+    for i in range(len(a)):
+        greatest = max(greatest, abs(a[i]))
+    return greatest
+
+
+@inner_kernel
+def _clear(a: Reals) -> None:
+    for i in range(len(a)):
+        a[i] = 0.0
+

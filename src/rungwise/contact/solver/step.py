@@ -1,0 +1,207 @@
+"""A step's problem, given to the solver and answered in its own rows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.contact.block_factors import Factors
+from rungwise.contact.solver.groups import (
+    Counts,
+    Groups,
+    count_groups,
+    count_in_units,
+    fill_groups,
+    groups_in,
+    integers_of,
+    reals_of,
+)
+from rungwise.contact.solver.islands import count_island, fill_island, label_islands
+from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
+from rungwise.contact.solver.settings import TOLERANCE, WIDE
+from rungwise.contact.solver.solve import measure, set_pace, solve
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
+
+SOLVED, NO_SOLUTION = 0, 1
+GUESS, PROXIMAL = 0, 1
+"""What answered: the active set of the start, or proximal problems after it."""
+
+
+@allocating_kernel
+def solve_groups(
+    p: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    halt: Ints,
+) -> tuple[int, float, int]:
+    """Solve from the forces and velocities given, into these and the modes; returns (status, residual, what
+    answered). It ends without an answer when halt (1,) is set. `surface`, `columns` and `couplings`: see
+    `fill_groups`."""
+    for i in range(sizes.n):
+        if not p.H[i, i] > 0.0:
+            return NO_SOLUTION, math.inf, GUESS
+    whole = count_groups(p, sizes, surface, columns, couplings)
+    reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
+    n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
+    scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
+    count = np.zeros(3, np.int64)
+    order = np.empty(members, np.int64)
+    apart = _begin(p, sizes, surface, columns, couplings, reals, integers, whole, scratch)
+    part, own_reals, own_integers, worst = whole, reals, integers, 0.0
+    if apart > 1:
+        own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
+    for which in range(apart):
+        if apart > 1:
+            part = _cut(reals, integers, whole, scratch, which, own_reals, own_integers)
+        rows = d * sizes.contacts
+        if part.n < WIDE:
+            found = _solve_few(own_reals, own_integers, part, scratch, room, order, unknowns, sizes, rows, halt, count)
+        else:
+            blocks = plan_blocks(own_integers, part)
+            found = _solve_part(
+                own_reals, own_integers, part, scratch, room, order, blocks, unknowns, sizes, rows, halt, count
+            )
+        worst = max(worst, found)
+        if not worst <= TOLERANCE:
+            break
+    solved = worst <= TOLERANCE
+    if not solved:
+        _clear(d, sizes, unknowns)
+    if not solved or apart > 1:
+        worst = residual_of_groups(p, sizes, unknowns, surface, columns, couplings)
+    return SOLVED if solved else NO_SOLUTION, worst, PROXIMAL if count[1] > apart else GUESS
+
+
+@allocating_kernel
+def residual_of_groups(
+    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints
+) -> float:
+    """The residual of an answer (see `residual`); inf where forces exceed by far what the problem calls
+    for."""
+    whole = count_groups(p, sizes, surface, columns, couplings)
+    reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
+    room, scratch = np.empty(room_of(whole)), np.empty(3 * whole.n + 3 * whole.groups, np.int64)
+    return _measure(p, sizes, unknowns, surface, columns, couplings, reals, integers, whole, room, scratch)
+
+
+@kernel
+def _begin(
+    p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, couplings: Ints, reals: Reals, integers: Ints,
+    whole: Counts, scratch: Ints,
+) -> int:  # fmt: skip
+    """Fill the groups, and label islands in `scratch`, where all velocities are an island's own at first; returns
+    how many there are."""
+    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
+    fill_groups(p, sizes, surface, columns, couplings, g)
+    for i in range(whole.n):
+        scratch[2 * members + i] = i
+    return label_islands(g, scratch[:members], scratch[members : 2 * members])
+
+
+@kernel
+def _cut(
+    reals: Reals, integers: Ints, whole: Counts, scratch: Ints, which: int, own_reals: Reals, own_integers: Ints
+) -> Counts:
+    """Fill the groups of an island, and its velocities in `scratch`."""
+    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
+    label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
+    part = count_island(g, whole.d, label, which, place, own)
+    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part))
+    return part
+
+
+@kernel
+def _solve_few(
+    reals: Reals, integers: Ints, part: Counts, scratch: Ints, room: Reals, order: Ints, unknowns: Unknowns,
+    sizes: Sizes, rows: int, halt: Ints, count: Ints,
+) -> float:  # fmt: skip
+    """As `_solve_part`, where the matrix is dense."""
+    blocks = no_blocks(integers, reals)
+    return float(
+        _solve_part(reals, integers, part, scratch, room, order, blocks, unknowns, sizes, rows, halt, count)
+    )
+
+
+@kernel
+def _solve_part(
+    reals: Reals, integers: Ints, part: Counts, scratch: Ints, room: Reals, order: Ints, blocks: Factors,
+    unknowns: Unknowns, sizes: Sizes, rows: int, halt: Ints, count: Ints,
+) -> float:  # fmt: skip
+    """Solve an island from the problem's unknowns into these; returns the residual."""
+    g, here = groups_in(reals, integers, part), room_in(room, order, part, blocks)
+    own = scratch[len(scratch) - 2 * sizes.n :]
+    count_in_units(g)
+    _take(g, own, unknowns, rows, here.x, here.v)
+    found = solve(g, here.x, here.v, here, halt, count)
+    _give(g, own, sizes, rows, here.x, here.v, here, unknowns)
+    return found
+
+
+@kernel
+def _measure(
+    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints,
+    reals: Reals, integers: Ints, whole: Counts, room: Reals, scratch: Ints,
+) -> float:  # fmt: skip
+    g = groups_in(reals, integers, whole)
+    fill_groups(p, sizes, surface, columns, couplings, g)
+    count_in_units(g)
+    here, own = room_in(room, scratch, whole, no_blocks(scratch, room)), scratch[whole.n + whole.groups :]
+    for i in range(whole.n):
+        own[i] = i
+    _take(g, own, unknowns, p.R.shape[1] * sizes.contacts, here.x, here.v)
+    return measure(g, here.x, here.v, here)
+
+
+@kernel
+def _clear(d: int, sizes: Sizes, unknowns: Unknowns) -> None:
+    """Set forces and velocities to zero, contacts open."""
+    for r in range(d * sizes.contacts):
+        unknowns.force[r] = 0.0
+    for r in range(sizes.limited):
+        unknowns.tau[r], unknowns.mode[sizes.contacts + r] = 0.0, STICK
+    for k in range(sizes.contacts):
+        unknowns.mode[k] = OPEN
+    for i in range(sizes.n):
+        unknowns.v[i] = 0.0
+
+
+@inner_kernel
+def _take(g: Groups, own: Ints, unknowns: Unknowns, rows: int, x: Reals, v: Reals) -> None:
+    """Count the unknowns of a problem, whose contacts have so many rows, in the units of the groups; velocities
+    are these of the problem's."""
+    for r in range(len(x)):
+        at = g.origin[r]
+        x[r] = (unknowns.force[at] if at < rows else unknowns.tau[at - rows]) / g.force[r]
+    for i in range(len(v)):
+        v[i] = unknowns.v[own[i]] / g.unit[i]
+
+
+@inner_kernel
+def _give(
+    g: Groups, own: Ints, sizes: Sizes, rows: int, x: Reals, v: Reals, room: Room, unknowns: Unknowns
+) -> None:
+    """Write forces, velocities and modes as the problem counts them."""
+    measure(g, x, v, room)
+    set_pace(g, 0, room)
+    evaluate(g, 0.0, x, v, x, v, room)
+    for r in range(len(x)):
+        at = g.origin[r]
+        if at < rows:
+            unknowns.force[at] = x[r] * g.force[r]
+        else:
+            unknowns.tau[at - rows] = x[r] * g.force[r]
+    for i in range(len(v)):
+        unknowns.v[own[i]] = v[i] * g.unit[i]
+    for k in range(len(g.kind)):
+        for r in range(g.row[k], g.row[k + 1]):
+            at = g.origin[r]
+            if at >= rows:
+                unknowns.mode[sizes.contacts + at - rows] = room.mode[k]
+            elif r == g.row[k]:
+                unknowns.mode[at * sizes.contacts // rows] = room.mode[k]
