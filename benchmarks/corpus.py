@@ -34,17 +34,18 @@ import pytest
 from piles import pyramid
 
 import rungwise as rw
+from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step import (
+    GUESS,
     SOLVED,
     TOLERANCE,
     Elimination,
     Sizes,
     Unknowns,
     matrix_size,
-    solve_problem,
 )
-from rungwise.contact.step.solve import GUESS
 from rungwise.kernel import Reals
 from rungwise.simulation import run
 from rungwise.simulation.core import stepper
@@ -262,7 +263,9 @@ def step(note: Note, start: Unknowns) -> Answer:
 def groups(note: Note, start: Unknowns) -> Answer:
     """The contact solver alone, without guess and search of modes."""
     halt = np.zeros(1, np.int64)
-    status, _, _ = solve_groups(note.problem, sizes_of(note), start, note.surface, NOWHERE, NOWHERE, halt)
+    status, _, _ = solve_groups(
+        note.problem, sizes_of(note), start, CONE, note.surface, NOWHERE, NOWHERE, halt
+    )
     return Answer(status == SOLVED, start)
 
 
@@ -293,7 +296,7 @@ def started(note: Note, cold: bool) -> Unknowns:
 def judged(note: Note, found: Unknowns) -> float:
     """The residual of an answer, from the problem as it was given."""
     return float(
-        residual_of_groups(note.problem, sizes_of(note), found, note.surface, NOWHERE, NOWHERE)
+        residual_of_groups(note.problem, sizes_of(note), found, CONE, note.surface, NOWHERE, NOWHERE)
     )
 
 

@@ -79,12 +79,12 @@ FAULTS = (
         "if abs(out[n]) < -y[n]:", "if abs(out[n]) < y[n]:", _RESIDUALS, "great friction hides penetration",
     ),
     Fault(
-        "residual-half-cone", "src/rungwise/contact/step/step_residual.py",
+        "residual-half-cone", "src/rungwise/contact/solver/modes/dense_residual.py",
         "radius = p.mu[k] * max(normal, 0.0)", "radius = 0.5 * p.mu[k] * max(normal, 0.0)",
         ("tests/contact/test_residual.py",), "the disc of friction has half its radius",
     ),
     Fault(
-        "limit-reached-one-way", "src/rungwise/contact/step/step_residual.py",
+        "limit-reached-one-way", "src/rungwise/contact/solver/modes/dense_residual.py",
         "min(max(x - opens, -bound), bound)", "max(x - opens, -bound)",
         ("tests/contact/test_residual.py",), "a drive has no limit in one direction",
     ),

@@ -31,6 +31,7 @@ import mujoco as mj
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem
@@ -195,6 +196,7 @@ class Space:
             p,
             Sizes(m.nv, k, len(p.F)),
             Unknowns(modes, v, flat, tau),
+            CONE,
             np.empty(0, np.int64),
             EVERYWHERE,
             EVERYWHERE,

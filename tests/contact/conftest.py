@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.modes.enumerate_modes import solve_by_enumeration
+from rungwise.contact.solver.modes.mode_newton import solve_by_modes
+from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.step import solve_groups
-from rungwise.contact.step.enumerate_modes import solve_by_enumeration
-from rungwise.contact.step.mode_newton import solve_by_modes
-from rungwise.contact.step.pivoting import solve_by_pivoting
+from rungwise.contact.step import TOLERANCE, matrix_size
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
-from rungwise.contact.step.solve import TOLERANCE, matrix_size, solve_problem
-from rungwise.contact.step.step_residual import residual
 
 Array = NDArray[np.float64]
 
@@ -122,10 +123,8 @@ def _run(
     status, nowhere = 0, np.empty((0, 4), np.int64)
     if solver == "planar":
         status, _, _ = solve_problem(p, sizes, out, np.empty(0, np.int64), nowhere, nowhere, room, halt)
-    elif solver == "lemke":
-        status = 0 if solve_by_pivoting(p, sizes, out, False, halt) else 1
-    elif solver == "proximal":
-        status, _, _ = solve_groups(p, sizes, out, np.empty(0, np.int64), nowhere, nowhere, halt)
+    elif solver == "groups":
+        status, _, _ = solve_groups(p, sizes, out, CONE, np.empty(0, np.int64), nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:
@@ -136,6 +135,6 @@ def _run(
 
 @pytest.fixture
 def run() -> Solver:
-    """run("planar" | "proximal" | "lemke" | "modes" | "enumeration", problem, mode, solves, (force, tau)):
+    """run("planar" | "groups" | "modes" | "enumeration", problem, mode, solves, (force, tau)):
     (0 if solved, solution)."""
     return _run

@@ -24,7 +24,7 @@ def corpus() -> Iterator[ModuleType]:
 def test_what_was_solved_is_solved_again(corpus: ModuleType, cold: bool) -> None:
     notes = corpus.notes_in(Path(__file__).parent / "corpus.npz")
     assert len(notes) > 300 and {note.problem.R.shape[1] for note in notes} == {2, 3, 4, 6}
-    notes = [note for note in notes if note.time < 1e100]  # beyond that forces have few digits
+    notes = [note for note in notes if note.length < 1e100]  # beyond that forces have few digits
     rows = [(note.status == SOLVED, corpus.tried(note, corpus.step, cold)) for note in notes]
     missed = [k for k, (known, row) in enumerate(rows) if known and not row.solved]
     assert len(missed) <= (1e-2 * len(rows) if cold else 0), missed

@@ -36,8 +36,7 @@ from rungwise.contact.problem import Problem
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.polish.exact import _inverse as inverse
 from rungwise.contact.solvers.polish.settled import calmed
-from rungwise.contact.solvers.space import chain
-from rungwise.contact.step.modes import ANY, FORWARD, OPEN, STICK
+from rungwise.contact.step.modes import ANY, OPEN
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.deadline import NEVER
 
@@ -344,10 +343,10 @@ def test_it_counts_as(what: str) -> None:
     assert found() == pytest.approx(about, rel=0.8, abs=0.0)
 
 
-def test_two_walls_squeeze_beyond_rounding(
+def test_two_walls_squeeze_beyond_the_tolerance(
     body: Callable[..., ContactProblem], run: Callable[..., Any]
 ) -> None:
-    for overlap, solved in ((1e-13, True), (2e-11, False)):
+    for overlap, solved in ((1e-13, True), (1e-7, False)):
         p = body(1, 2)
         p.W[::2, 0], p.w[::2] = (1.0, -1.0), (-1.0, 1.0 - overlap)
         assert (run("planar", p)[0] == 0) == solved
@@ -383,20 +382,3 @@ def test_a_matrix_is_inverted_by_elimination_where_its_condition_leaves_no_doubt
     for scale in (1.0, 1e-6):
         found = _clear_inverse(scale * np.diag([1.0, least]))
         assert (found is not None) == is_clear
-
-
-@pytest.mark.parametrize(("short", "sticks"), [(5e-9, True), (2e-10, False)])
-def test_a_contact_sticks_whose_friction_is_short_of_its_limit(
-    short: float, sticks: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where it moves, by rounding or not; and so does a limited row."""
-    monkeypatch.setattr(chain, "_is_still", lambda *_: False)
-    problem: Any = SimpleNamespace(R=np.zeros((3, 3)), mu=np.array([0.5]), F=np.array([7.0]))
-    for normal in (1.0, 1e4):
-        mode, force = (
-            np.zeros(2, np.int64),
-            normal * np.array([1.0, 0.3, -0.4]) * [1.0, 1.0 - short, 1.0 - short],
-        )
-        unknowns: Any = (mode, np.zeros(1), force, np.array([-7.0 * (1.0 - short)]))
-        unwrap(chain.tell_modes)(problem, (1, 1, 1), None, unknowns)
-        assert (mode == (STICK if sticks else FORWARD)).all()

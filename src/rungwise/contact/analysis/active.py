@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.problem import Array
+from rungwise.contact.solver.modes.dense_residual import FLOOR, REST, ROUNDING
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.contact.step.step_residual import FLOOR, REST, ROUNDING
 
 
 class Part(NamedTuple):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solver.kinds import ball, cone, free, interval
+from rungwise.contact.solver.kinds import ball, free, interval, is_cone
 from rungwise.contact.step.problem import ContactProblem, Sizes
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -21,8 +21,8 @@ _ROOT = math.sqrt(0.5)
 
 
 class Counts(NamedTuple):
-    """How many velocities, groups and rows there are, entries of H, velocities that groups touch, entries of W,
-    and rows of a group at most."""
+    """How many velocities, groups and rows there are, entries of H, velocities that groups touch, entries
+    of W, and rows of a group at most."""
 
     n: int
     groups: int
@@ -37,11 +37,11 @@ class Groups(NamedTuple):
     """n velocities, g groups, and their rows.
 
     H_first (n + 1,), H_column, H: the matrix H, row by row; diagonal (n,) of H; c (n,); kind (g,); law (g,
-    LAW); row (g + 1,): where the rows of groups begin; first (g + 1,): where the velocities begin in `column`
-    that a group touches; entry (g + 1,): where its part of W begins, row by row; R (g, d, d); w (rows,);
-    origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force and rate
-    (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the problem that is
-    rounding.
+    LAW); row (g + 1,): where the rows of groups begin; first (g + 1,): where the velocities begin in
+    `column` that a group touches; entry (g + 1,): where its part of W begins, row by row; R (g, d, d); w
+    (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force and
+    rate (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the
+    problem that is rounding.
     """
 
     H_first: Ints
@@ -131,11 +131,12 @@ def count_groups(p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, 
 
 @kernel
 def fill_groups(
-    p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, couplings: Ints, g: Groups
+    p: ContactProblem, sizes: Sizes, law: int, surface: Ints, columns: Ints, couplings: Ints, g: Groups
 ) -> None:
-    """The groups of a step's problem: contacts, then limited rows, of which those with the same number in
-    `surface` (limited,), not negative, share a ball. Contact k has entries in the columns of two spans,
-    `columns` (k, 4), a row of H in the stretch `couplings` (n, 2), or anywhere, where these are empty."""
+    """The groups of a step's problem: contacts of the kind `law`, then limited rows, of which those with
+    the same number in `surface` (limited,), not negative, share a ball. Contact k has entries in the
+    columns of two spans, `columns` (k, 4), a row of H in the stretch `couplings` (n, 2), or anywhere,
+    where these are empty."""
     n, contacts, limited = sizes
     d, at = p.R.shape[1], 0
     g.noise[0] = p.quantum[0]
@@ -148,7 +149,7 @@ def fill_groups(
                 at += 1
         g.H_first[i + 1], g.c[i], g.diagonal[i] = at, p.c[i], p.H[i, i]
     for k in range(contacts):
-        g.kind[k], g.law[k, 0], g.law[k, 1] = cone.KIND, p.mu[k], 0.0
+        g.kind[k], g.law[k, 0], g.law[k, 1] = law, p.mu[k], 0.0
         at = g.first[k]
         for side in range(2):
             low, high = _span(columns, couplings, k, side, n)
@@ -234,10 +235,10 @@ def _shared(surface: Ints, r: int, limited: int) -> int:
 @inner_kernel
 def _joins(S: Reals, surface: Ints, r: int, size: int, j: int) -> bool:
     """Whether a row of the group of limited rows whose first is r has an entry in this column."""
-    found = S[r, j] != 0.0
+    found = bool(S[r, j] != 0.0)
     if size > 1:
         for m in range(r + 1, len(surface)):
-            found |= surface[m] == surface[r] and S[m, j] != 0.0
+            found |= bool(surface[m] == surface[r]) and bool(S[m, j] != 0.0)
     return found
 
 
@@ -301,7 +302,7 @@ def count_in_units(g: Groups) -> None:
                 g.R[k, i - first, j] *= force * force
             g.rate[i] = size / g.force[i]
             g.force[i] *= size
-        for i in range(LAW if g.kind[k] != cone.KIND else 0):
+        for i in range(0 if is_cone(g.kind[k]) else LAW):
             g.law[k, i] /= force * size
     for i in range(n):
         g.unit[i] *= size

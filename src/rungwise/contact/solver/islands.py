@@ -1,4 +1,5 @@
-"""Parts of a problem that nothing joins: each is solved alone, so that what rests does so beside what moves."""
+"""Parts of a problem that nothing joins: each is solved alone, so that what rests does so beside what
+moves."""
 
 from __future__ import annotations
 
@@ -8,9 +9,9 @@ from rungwise.kernel import Ints, inner_kernel, kernel
 
 @kernel
 def label_islands(g: Groups, label: Ints, root: Ints) -> int:
-    """Write the island of each velocity and then of each group into label (n + groups,); root (n + groups,) is
-    scratch. Returns how many there are: what neither H nor groups join is apart, and all that no group touches
-    is one."""
+    """Write the island of each velocity and then of each group into label (n + groups,); root (n +
+    groups,) is scratch. Returns how many there are: what neither H nor groups join is apart, and all that
+    no group touches is one."""
     n, groups = len(g.c), len(g.kind)
     for i in range(n + groups):
         root[i], label[i] = i, -1
@@ -52,8 +53,8 @@ def _join(root: Ints, i: int, j: int) -> None:
 
 @kernel
 def count_island(g: Groups, d: int, label: Ints, which: int, place: Ints, own: Ints) -> Counts:
-    """What `fill_island` will need room for. Writes the velocities of the island into own (n,), and where they
-    are there into place (n,)."""
+    """What `fill_island` will need room for. Writes the velocities of the island into own (n,), and where
+    they are there into place (n,)."""
     n, count, groups, rows, filled, touched, entries = len(g.c), 0, 0, 0, 0, 0, 0
     for i in range(n):
         if label[i] == which:

@@ -73,10 +73,9 @@ def room_in(reals: Reals, integers: Ints, k: Counts, blocks: Factors) -> Room:
     n, rows, groups, d = k.n, k.rows, k.groups, k.d
     side, square = (0 if n >= WIDE else n), groups * d * d
     r = reals
-    F, y, solved, dx, xt = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows : 4 * rows], r[4 * rows : 5 * rows]
-    r = r[5 * rows :]
-    first_x, centre_x, best_x, x = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows : 4 * rows]
-    r = r[4 * rows :]
+    F, y, solved, r = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows :]
+    dx, xt, x, r = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows :]
+    first_x, centre_x, best_x, r = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows :]
     G, dv, vt, hold, lever = r[:n], r[n : 2 * n], r[2 * n : 3 * n], r[3 * n : 4 * n], r[4 * n : 5 * n]
     r = r[5 * n :]
     first_v, centre_v, best_v, v = r[:n], r[n : 2 * n], r[2 * n : 3 * n], r[3 * n : 4 * n]
@@ -88,9 +87,9 @@ def room_in(reals: Reals, integers: Ints, k: Counts, blocks: Factors) -> Room:
     push, r = r[: d * n], r[d * n :]
     matrix, r = r[: side * side].reshape(side, side), r[side * side :]
     return Room(
-        F, G, y, S, E, solved, dx, dv, xt, vt, a, b, M, matrix, integers[groups : groups + side], blocks, push,
-        pace, hold, r[:2], integers[:groups], lever, r[2:3], first_x, first_v, centre_x, centre_v, best_x,
-        best_v, x, v,
+        F, G, y, S, E, solved, dx, dv, xt, vt, a, b, M, matrix, integers[groups : groups + side], blocks,
+        push, pace, hold, r[:2], integers[:groups], lever, r[2:3], first_x, first_v, centre_x, centre_v,
+        best_x, best_v, x, v,
     )  # fmt: skip
 
 
@@ -103,8 +102,8 @@ def no_blocks(integers: Ints, reals: Reals) -> Factors:
 
 @allocating_kernel
 def plan_blocks(integers: Ints, k: Counts) -> Factors:
-    """Factors of the matrix of groups with many velocities, whose integers, as in `groups_in`, these are: code
-    that allocates may not take arrays from code that does not."""
+    """Factors of the matrix of groups with many velocities, whose integers, as in `groups_in`, these are:
+    code that allocates may not take arrays from code that does not."""
     H_first, i = integers[: k.n + 1], integers[k.n + 1 :]
     H_column, i = i[: k.filled], i[k.filled + k.groups :]
     first, column = i[k.groups + 1 : 2 * k.groups + 2], i[3 * k.groups + 3 : 3 * k.groups + 3 + k.touched]
@@ -283,9 +282,18 @@ def _assemble_blocks(g: Groups, weight: float, room: Room) -> bool:
 
 @kernel
 def descend(
-    g: Groups, weight: float, lengths: int, most: int, goal: float,
-    x: Reals, v: Reals, xc: Reals, vc: Reals, room: Room, count: Ints,
-) -> float:  # fmt: skip
+    g: Groups,
+    weight: float,
+    lengths: int,
+    most: int,
+    goal: float,
+    x: Reals,
+    v: Reals,
+    xc: Reals,
+    vc: Reals,
+    room: Room,
+    count: Ints,
+) -> float:
     """Take at most so many Newton steps, each of the first of so many lengths, halved one by one, that lets
     the map fall (whole steps, if one), until its size is within `goal`. Returns the size."""
     size = evaluate(g, weight, x, v, xc, vc, room)

@@ -2,15 +2,15 @@
 
 Each equation is measured against the largest term of its kind, so that the residual is free of units, also
 where coordinates of different units meet: each balance row against its own terms and the largest term that
-the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
-rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
-lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
-lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U along
-the direction that yields most, so that forces of rounding size count as none (a normal that meets the axis of
-a hinge yields by rounding alone); and where U is only rounding beside the change of speed that L
-causes, it is `REST` of that change, so that things may rest; an L that exceeds by far what the problem calls
-for counts as no more than that there, or forces that grow without bound would hide what they cannot do. Joints hold exactly: their rates are measured
-against U as it was.
+the greatest contact force L could have in it, velocities against U, the largest velocity term of the
+contact rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n
+/ U, lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of
+radius mu lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed
+by U along the direction that yields most, so that forces of rounding size count as none (a normal that
+meets the axis of a hinge yields by rounding alone); and where U is only rounding beside the change of
+speed that L causes, it is `REST` of that change, so that things may rest; an L that exceeds by far what
+the problem calls for counts as no more than that there, or forces that grow without bound would hide what
+they cannot do. Joints hold exactly: their rates are measured against U as it was.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import cone, free, violation
+from rungwise.contact.solver.kinds import free, is_cone, violation
 from rungwise.contact.solver.settings import GROWN
 from rungwise.kernel import Reals, kernel
 
@@ -30,7 +30,9 @@ then raised to the second. Both chosen by trial, to a decade."""
 
 
 @kernel
-def residual(g: Groups, v: Reals, x: Reals, y: Reals, G: Reals, lever: Reals, a: Reals, b: Reals, scale: Reals) -> float:
+def residual(
+    g: Groups, v: Reals, x: Reals, y: Reals, G: Reals, lever: Reals, a: Reals, b: Reals, scale: Reals
+) -> float:
     """Largest scaled violation of the balance and the laws by velocities v (n,) and forces x (rows,), in the
     units of the groups; inf when something is not finite. y (rows,) are then the rates and G (n,) what the
     balance lacks; scale (2,) the force and rate
@@ -102,7 +104,7 @@ def called(g: Groups) -> float:
             own = g.R[k, r - first, r - first]
             rate = max(abs(g.w[r]), g.noise[0] / g.rate[r])
             greatest = max(greatest, rate / min(own, 1.0) if own > 0.0 else rate)
-        if g.kind[k] != cone.KIND:
+        if not is_cone(g.kind[k]):
             greatest = max(greatest, abs(g.law[k, 0]))
     return greatest
 

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-TOLERANCE = 1e-8
-"""Residual, without unit, up to which a problem is solved."""
 GOAL, ENOUGH = 1e-15, 1e-9
 """Residual at which the solver ends, and at which it ends where the residual falls by half no more."""
 WEDGED, GROWN, STILL = 1e8, 1e3, 1e-3
-"""Forces over what loads, demanded rates and limits call for, at most: beside greater ones any error is small;
-and from which on they must have settled: be changed by less than the last in a proximal problem."""
+"""Forces over what loads, demanded rates and limits call for, at most: beside greater ones any error is
+small; and from which on they must have settled: be changed by less than the last in a proximal problem."""
 GUESS = 1e-8
 """Weight of the proximal term of the first Newton steps, which take the active set from the forces given."""
 WEIGHT, LEAST, MOST = 1e-2, 1e-10, 1e1
-"""Weight of the proximal term at first, at least, and at most: yield added to each group, which yields one."""
+"""Weight of the proximal term at first, at least, and at most: yield added to each group, which yields
+one."""
 CHANGE = 0.1
 """Factor on the weight after a proximal problem that is solved; its inverse after one that is not."""
 GUESSES, STEPS, PROBLEMS, LENGTHS = 3, 20, 60, 8
-"""Newton steps of the first guess, of a proximal problem, proximal problems, and lengths of a step that a line search tries."""
+"""Newton steps of the first guess, of a proximal problem, proximal problems, and lengths of a step that a
+line search tries."""
 ENDLESS = 16
 """Proximal problems in which the residual does not fall by half, after which the solver gives up a start."""
 ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""
 SLOW = 1e-9
-"""Velocity over the greatest force, both in units of the groups, up to which rest is judged beside an answer."""
+"""Velocity over the greatest force, both in units of the groups, up to which rest is judged beside an
+answer."""
 WIDE = 60
 """Velocities from which on the matrix is kept by its blocks."""

@@ -34,10 +34,10 @@ from rungwise.contact.solver.settings import (
     SLOW,
     STEPS,
     STILL,
-    TOLERANCE,
     WEDGED,
     WEIGHT,
 )
+from rungwise.contact.step.status import TOLERANCE
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 BY_ITERATE, BY_PROBLEM = 0, 1
@@ -166,7 +166,7 @@ def _approach(
     size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
         most = 0 if room.least[0] <= ENOUGH else ENDLESS
-        if problem > 0 and (room.least[0] <= GOAL or endless > most) or halt[0] != 0:
+        if (problem > 0 and (room.least[0] <= GOAL or endless > most)) or halt[0] != 0:
             break
         count[1] += 1
         guess = problem == 0 and warm
@@ -236,4 +236,3 @@ def _greatest(a: Reals) -> float:
 def _clear(a: Reals) -> None:
     for i in range(len(a)):
         a[i] = 0.0
-

@@ -19,15 +19,12 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import count_island, fill_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import TOLERANCE, WIDE
+from rungwise.contact.solver.settings import WIDE
 from rungwise.contact.solver.solve import measure, set_pace, solve
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
-
-SOLVED, NO_SOLUTION = 0, 1
-GUESS, PROXIMAL = 0, 1
-"""What answered: the active set of the start, or proximal problems after it."""
 
 
 @allocating_kernel
@@ -35,14 +32,15 @@ def solve_groups(
     p: ContactProblem,
     sizes: Sizes,
     unknowns: Unknowns,
+    law: int,
     surface: Ints,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
 ) -> tuple[int, float, int]:
-    """Solve from the forces and velocities given, into these and the modes; returns (status, residual, what
-    answered). It ends without an answer when halt (1,) is set. `surface`, `columns` and `couplings`: see
-    `fill_groups`."""
+    """Solve from the forces and velocities given, into these and the modes; returns (status, residual,
+    what answered), where the contacts are of the kind `law`. It ends without an answer when halt (1,) is
+    set. `surface`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
         if not p.H[i, i] > 0.0:
             return NO_SOLUTION, math.inf, GUESS
@@ -52,7 +50,7 @@ def solve_groups(
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
     count = np.zeros(3, np.int64)
     order = np.empty(members, np.int64)
-    apart = _begin(p, sizes, surface, columns, couplings, reals, integers, whole, scratch)
+    apart = _begin(p, sizes, law, surface, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
     if apart > 1:
         own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
@@ -61,11 +59,24 @@ def solve_groups(
             part = _cut(reals, integers, whole, scratch, which, own_reals, own_integers)
         rows = d * sizes.contacts
         if part.n < WIDE:
-            found = _solve_few(own_reals, own_integers, part, scratch, room, order, unknowns, sizes, rows, halt, count)
+            found = _solve_few(
+                own_reals, own_integers, part, scratch, room, order, unknowns, sizes, rows, halt, count
+            )
         else:
             blocks = plan_blocks(own_integers, part)
             found = _solve_part(
-                own_reals, own_integers, part, scratch, room, order, blocks, unknowns, sizes, rows, halt, count
+                own_reals,
+                own_integers,
+                part,
+                scratch,
+                room,
+                order,
+                blocks,
+                unknowns,
+                sizes,
+                rows,
+                halt,
+                count,
             )
         worst = max(worst, found)
         if not worst <= TOLERANCE:
@@ -74,31 +85,47 @@ def solve_groups(
     if not solved:
         _clear(d, sizes, unknowns)
     if not solved or apart > 1:
-        worst = residual_of_groups(p, sizes, unknowns, surface, columns, couplings)
+        worst = residual_of_groups(p, sizes, unknowns, law, surface, columns, couplings)
     return SOLVED if solved else NO_SOLUTION, worst, PROXIMAL if count[1] > apart else GUESS
 
 
 @allocating_kernel
 def residual_of_groups(
-    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints
+    p: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    law: int,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
 ) -> float:
     """The residual of an answer (see `residual`); inf where forces exceed by far what the problem calls
     for."""
     whole = count_groups(p, sizes, surface, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     room, scratch = np.empty(room_of(whole)), np.empty(3 * whole.n + 3 * whole.groups, np.int64)
-    return _measure(p, sizes, unknowns, surface, columns, couplings, reals, integers, whole, room, scratch)
+    return _measure(
+        p, sizes, unknowns, law, surface, columns, couplings, reals, integers, whole, room, scratch
+    )
 
 
 @kernel
 def _begin(
-    p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, couplings: Ints, reals: Reals, integers: Ints,
-    whole: Counts, scratch: Ints,
-) -> int:  # fmt: skip
-    """Fill the groups, and label islands in `scratch`, where all velocities are an island's own at first; returns
-    how many there are."""
+    p: ContactProblem,
+    sizes: Sizes,
+    law: int,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    reals: Reals,
+    integers: Ints,
+    whole: Counts,
+    scratch: Ints,
+) -> int:
+    """Fill the groups, and label islands in `scratch`, where all velocities are an island's own at first;
+    returns how many there are."""
     g, members = groups_in(reals, integers, whole), whole.n + whole.groups
-    fill_groups(p, sizes, surface, columns, couplings, g)
+    fill_groups(p, sizes, law, surface, columns, couplings, g)
     for i in range(whole.n):
         scratch[2 * members + i] = i
     return label_islands(g, scratch[:members], scratch[members : 2 * members])
@@ -106,7 +133,13 @@ def _begin(
 
 @kernel
 def _cut(
-    reals: Reals, integers: Ints, whole: Counts, scratch: Ints, which: int, own_reals: Reals, own_integers: Ints
+    reals: Reals,
+    integers: Ints,
+    whole: Counts,
+    scratch: Ints,
+    which: int,
+    own_reals: Reals,
+    own_integers: Ints,
 ) -> Counts:
     """Fill the groups of an island, and its velocities in `scratch`."""
     g, members = groups_in(reals, integers, whole), whole.n + whole.groups
@@ -118,9 +151,18 @@ def _cut(
 
 @kernel
 def _solve_few(
-    reals: Reals, integers: Ints, part: Counts, scratch: Ints, room: Reals, order: Ints, unknowns: Unknowns,
-    sizes: Sizes, rows: int, halt: Ints, count: Ints,
-) -> float:  # fmt: skip
+    reals: Reals,
+    integers: Ints,
+    part: Counts,
+    scratch: Ints,
+    room: Reals,
+    order: Ints,
+    unknowns: Unknowns,
+    sizes: Sizes,
+    rows: int,
+    halt: Ints,
+    count: Ints,
+) -> float:
     """As `_solve_part`, where the matrix is dense."""
     blocks = no_blocks(integers, reals)
     return float(
@@ -130,9 +172,19 @@ def _solve_few(
 
 @kernel
 def _solve_part(
-    reals: Reals, integers: Ints, part: Counts, scratch: Ints, room: Reals, order: Ints, blocks: Factors,
-    unknowns: Unknowns, sizes: Sizes, rows: int, halt: Ints, count: Ints,
-) -> float:  # fmt: skip
+    reals: Reals,
+    integers: Ints,
+    part: Counts,
+    scratch: Ints,
+    room: Reals,
+    order: Ints,
+    blocks: Factors,
+    unknowns: Unknowns,
+    sizes: Sizes,
+    rows: int,
+    halt: Ints,
+    count: Ints,
+) -> float:
     """Solve an island from the problem's unknowns into these; returns the residual."""
     g, here = groups_in(reals, integers, part), room_in(room, order, part, blocks)
     own = scratch[len(scratch) - 2 * sizes.n :]
@@ -145,11 +197,21 @@ def _solve_part(
 
 @kernel
 def _measure(
-    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints,
-    reals: Reals, integers: Ints, whole: Counts, room: Reals, scratch: Ints,
-) -> float:  # fmt: skip
+    p: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    law: int,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    reals: Reals,
+    integers: Ints,
+    whole: Counts,
+    room: Reals,
+    scratch: Ints,
+) -> float:
     g = groups_in(reals, integers, whole)
-    fill_groups(p, sizes, surface, columns, couplings, g)
+    fill_groups(p, sizes, law, surface, columns, couplings, g)
     count_in_units(g)
     here, own = room_in(room, scratch, whole, no_blocks(scratch, room)), scratch[whole.n + whole.groups :]
     for i in range(whole.n):
@@ -173,8 +235,8 @@ def _clear(d: int, sizes: Sizes, unknowns: Unknowns) -> None:
 
 @inner_kernel
 def _take(g: Groups, own: Ints, unknowns: Unknowns, rows: int, x: Reals, v: Reals) -> None:
-    """Count the unknowns of a problem, whose contacts have so many rows, in the units of the groups; velocities
-    are these of the problem's."""
+    """Count the unknowns of a problem, whose contacts have so many rows, in the units of the groups;
+    velocities are these of the problem's."""
     for r in range(len(x)):
         at = g.origin[r]
         x[r] = (unknowns.force[at] if at < rows else unknowns.tau[at - rows]) / g.force[r]

@@ -20,7 +20,6 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.solvers.newton.condensed import solver as condensed_solver
 from rungwise.contact.solvers.newton.factors import SMALL, Factors, diagonal_factors, factors
-from rungwise.contact.solvers.space.path import until_outside
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -348,5 +347,29 @@ def _longest(z: Reals, dz: Reals, layout: Layout) -> float:
     least = math.inf
     for c in range(len(first)):
         i = first[c]
-        least = min(least, until_outside(z[i], dz[i], z, dz, i + 1, i + dim[c]))
+        least = min(least, _until_outside(z[i], dz[i], z, dz, i + 1, i + dim[c]))
+    return least
+
+
+@inner_kernel
+def _reach(z: float, dz: float) -> float:
+    return -z / dz if dz < 0.0 else math.inf
+
+
+@inner_kernel
+def _until_outside(top: float, rise: float, z: Reals, dz: Reals, first: int, end: int) -> float:
+    """The step at which a point leaves the cone, with `top` along its axis, which has the rate `rise`, and
+    the rows from first to end of z across."""
+    least = _reach(top, rise)
+    a, half, left = rise * rise, top * rise, top * top
+    for i in range(first, end):
+        a -= dz[i] * dz[i]
+        half -= z[i] * dz[i]
+        left -= z[i] * z[i]
+    left = max(left, 0.0)
+    inside = half * half - a * left
+    if end > first and inside >= 0.0 and (a < 0.0 or half < 0.0):
+        below = math.sqrt(inside) - half
+        if below > 0.0:
+            least = min(least, left / below)
     return least

@@ -1,4 +1,4 @@
-"""What compiled steps run (`contact/step/solve.py`), called on one step's problem from Python.
+"""What compiled steps run (`contact/solver/problem.py`), called on one step's problem from Python.
 
 Algorithm and promises: as there. Accepts: problems of a step, as models assemble them, with H positive
 definite.
@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.problem import solve_problem
+from rungwise.contact.step import matrix_size
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.solve import matrix_size, solve_problem
 from rungwise.kernel import Ints
 
 NAME = "step"
@@ -39,8 +40,18 @@ def solve(step: ContactProblem, start: NDArray[np.float64], halt: Ints) -> NDArr
     modes = np.where(slips, np.where(tangential > 0.0, BACKWARD, FORWARD), modes)
     mode = np.concatenate([modes, np.full(limited, STICK)]).astype(np.int64)
     size = matrix_size(n, contacts, limited) if d == 2 else 0
-    room, nowhere = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64)), np.empty((0, 4), np.int64)
+    room, nowhere = (
+        Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64)),
+        np.empty((0, 4), np.int64),
+    )
     solve_problem(
-        step, Sizes(n, contacts, limited), Unknowns(mode, v, force, tau), np.empty(0, np.int64), nowhere, nowhere, room, halt
+        step,
+        Sizes(n, contacts, limited),
+        Unknowns(mode, v, force, tau),
+        np.empty(0, np.int64),
+        nowhere,
+        nowhere,
+        room,
+        halt,
     )
     return np.concatenate([force, v, tau])

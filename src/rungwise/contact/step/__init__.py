@@ -1,6 +1,5 @@
-"""The problem of one compiled step, and the chain that solves it in the plane."""
+"""The problem of one step, whatever model it came from, and what comes of it."""
 
-from rungwise.contact.step.associated import start_associated
 from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
 from rungwise.contact.step.problem import (
     ContactProblem,
@@ -9,21 +8,13 @@ from rungwise.contact.step.problem import (
     Unknowns,
     allocate_problem,
     keep_contacts,
+    matrix_size,
     trim,
 )
-from rungwise.contact.step.solve import (
-    GUESS,
-    NO_SOLUTION,
-    PROXIMAL,
-    SEARCH,
-    SOLVED,
-    TOLERANCE,
-    matrix_size,
-    solve_problem,
-)
+from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SEARCH, SOLVED, TOLERANCE
 
 __all__ = [
     "ANY", "BACKWARD", "FORWARD", "GUESS", "NAMES", "NO_SOLUTION", "OPEN", "PROXIMAL", "SEARCH", "SOLVED",
     "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
-    "keep_contacts", "matrix_size", "solve_problem", "start_associated", "trim",
+    "keep_contacts", "matrix_size", "trim",
 ]  # fmt: skip

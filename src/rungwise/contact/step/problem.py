@@ -64,10 +64,19 @@ class Unknowns(NamedTuple):
 
 class Elimination(NamedTuple):
     """Room for linear systems with one right-hand side: matrix (size, size + 1), and order (size,) of its
-    pivots; how large, `solve.matrix_size` says."""
+    pivots; how large, `matrix_size` says."""
 
     matrix: Reals
     order: Ints
+
+
+SPARE = 3
+"""Rows of the room for linear systems for vectors, beside the rows of the largest system."""
+
+
+def matrix_size(n: int, contacts: int, limited: int) -> int:
+    """Side of the room that guesses and searches of modes need, one more in columns."""
+    return n + 2 * contacts + limited + SPARE
 
 
 def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -> ContactProblem:

@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from rungwise.contact.step import ContactProblem, Sizes
-from rungwise.contact.step.solve import solve_problem
-from rungwise.kernel import inner_kernel
+from rungwise.contact.solver.problem import solve_problem
+from rungwise.contact.step import ContactProblem, Sizes, Unknowns
+from rungwise.kernel import Ints, imported_kernel, inner_kernel
 from rungwise.simulation.core.state import Scratch, elimination_in, unknowns_in
 from rungwise.system.terms import Terms
+
+
+@imported_kernel("rungwise.contact.solver.associated")
+def start_associated(
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    halt: Ints,
+) -> bool:
+    """See the module."""
+    raise NotImplementedError
+
+
+@inner_kernel
+def start_scratch(
+    problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch, shared: bool
+) -> bool:
+    """Let the scratch start from the forces that let bodies rest, as `start_associated`."""
+    entries = terms.entries
+    surface = terms.surface if shared else terms.surface[:0]
+    return start_associated(
+        problem, sizes, unknowns_in(scratch), surface, entries.columns, entries.couplings, scratch.halt
+    )
 
 
 @inner_kernel

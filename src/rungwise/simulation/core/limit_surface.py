@@ -16,14 +16,16 @@ from rungwise.system.terms import APART, Terms
 
 
 def in_boxes(problem: ContactProblem, terms: Terms, forces: Reals) -> ContactProblem:
-    """A trimmed problem in which each row of a surface has a force within an interval of its own: the box about
-    the ball, along its force of those of all limited rows (b,). What has no solution so has none."""
+    """A trimmed problem in which each row of a surface has a force within an interval of its own: the box
+    about the ball, along its force of those of all limited rows (b,). What has no solution so has none."""
     forces = forces[: len(problem.F)]
     surface = terms.surface[: len(problem.F)]
     for each in np.unique(surface[surface != APART]):
         rows = np.flatnonzero(surface == each)
         part, unit = forces[rows] / problem.F[rows], problem.F[rows[0]]
-        along = np.linalg.qr(np.column_stack([part, np.eye(len(rows))]))[0].T if part.any() else np.eye(len(rows))
+        along = (
+            np.linalg.qr(np.column_stack([part, np.eye(len(rows))]))[0].T if part.any() else np.eye(len(rows))
+        )
         turned = along * (problem.F[rows] / unit)
         problem.S[rows], problem.w_s[rows] = turned @ problem.S[rows], turned @ problem.w_s[rows]
         problem.F[rows] = unit

@@ -11,7 +11,6 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
-    start_associated,
 )
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
@@ -25,12 +24,12 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.balance import is_balanced
-from rungwise.simulation.core.chains import solve_scratch
+from rungwise.simulation.core.chains import solve_scratch, start_scratch
 from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.notes import note, note_start, notes_all
-from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
+from rungwise.simulation.core.state import State, Trial, sizes_in
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
@@ -73,7 +72,7 @@ def _solve_or_hold(trial: Trial) -> int:
     rung, terms, state, scratch = trial.rung, trial.terms, trial.state, trial.scratch
     status = _solve_with_care(trial, False)
     free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
-    if not free or state.force.shape[1] > 2 or not _is_pressed(terms, state):
+    if not free or not _is_pressed(terms, state):
         return status
     lands = status == SUPPORTED and _lands(trial)
     if status == SUPPORTED and not lands:
@@ -104,8 +103,9 @@ def _lands(trial: Trial) -> bool:
     now, before = _pace(terms, scratch.v_new), max(_pace(terms, state.v), _pace(terms, state.speed))
     if h * now <= STIR * terms.rounding[0] or now * SLOWER <= before:
         return False
+    d = state.force.shape[1]
     for k in range(contacts):
-        if scratch.contact_force[2 * k] > 0.0 and terms.gap[k] > terms.rounding[0]:
+        if scratch.contact_force[d * k] > 0.0 and terms.gap[k] > terms.rounding[0]:
             return True
     return False
 
@@ -253,8 +253,8 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
             scratch.contact_force[k * d + i] = force
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
-    unknowns = unknowns_in(scratch)
-    if convex and not start_associated(problem, sizes, unknowns, scratch.halt):
+    shared = bool(state.clock[0].surfaces)
+    if convex and not start_scratch(problem, sizes, terms, scratch, shared):
         return NO_SOLUTION
     noted = scratch.hard.shape[0] > 0
     if noted:
@@ -262,7 +262,6 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     if state.clock[0].surfaces and terms.exact.shape[0] > 0:
         status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
     else:
-        shared = bool(state.clock[0].surfaces)
         status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
     if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):

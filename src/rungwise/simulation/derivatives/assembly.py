@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
+from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.step import (
     ContactProblem,
     Elimination,
     Sizes,
     Unknowns,
     matrix_size,
-    solve_problem,
     trim,
 )
 from rungwise.deadline import go_on
@@ -191,7 +191,14 @@ class Assembly:
         room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
         nowhere = np.empty((0, 4), np.int64)
         solve_problem(
-            work.problem, Sizes(n, count, limited), unknowns, np.empty(0, np.int64), nowhere, nowhere, room, scratch.halt
+            work.problem,
+            Sizes(n, count, limited),
+            unknowns,
+            np.empty(0, np.int64),
+            nowhere,
+            nowhere,
+            room,
+            scratch.halt,
         )
         return Sensitivity(
             trim(work.problem, n, count, limited), scratch.x[:n].copy(),

@@ -4,33 +4,43 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds import ball, cone, free, interval
+from rungwise.contact.solver.kinds import associated, ball, cone, free, interval
 from rungwise.kernel import Reals, inner_kernel
 
 
 @inner_kernel
+def is_cone(kind: int) -> bool:
+    """Whether the law of a kind has no forces of its own, but follows those of the rest."""
+    return kind == cone.KIND or kind == associated.KIND
+
+
+@inner_kernel
 def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> int:
-    """F = x - P(x - u) and the slope S of P there, of a group of d rows with forces x and rates u, in units in
-    which both are alike. Returns the mode of the group."""
+    """F = x - P(x - u) and the slope S of P there, of a group of d rows with forces x and rates u, in
+    units in which both are alike. Returns the mode of the group."""
     if kind == cone.KIND:
         return cone.natural_map(law, d, x, u, F, S)
     if kind == interval.KIND:
         return interval.natural_map(law, d, x, u, F, S)
     if kind == free.KIND:
         return free.natural_map(law, d, x, u, F, S)
+    if kind == associated.KIND:
+        return associated.natural_map(law, d, x, u, F, S)
     return ball.natural_map(law, d, x, u, F, S)
 
 
 @inner_kernel
 def violation(kind: int, law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
-    """How far a group of d rows with forces x and rates y is from its law, in units in which both are alike, and in
-    which a force of the law is `unit`; inf if something is not finite."""
+    """How far a group of d rows with forces x and rates y is from its law, in units in which both are
+    alike, and in which a force of the law is `unit`; inf if something is not finite."""
     if kind == cone.KIND:
         worst = cone.violation(law, unit, d, x, y)
     elif kind == interval.KIND:
         worst = interval.violation(law, unit, d, x, y)
     elif kind == free.KIND:
         worst = free.violation(law, unit, d, x, y)
+    elif kind == associated.KIND:
+        worst = associated.violation(law, unit, d, x, y)
     else:
         worst = ball.violation(law, unit, d, x, y)
     for i in range(d):  # min and max may drop what is not a number

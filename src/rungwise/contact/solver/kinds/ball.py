@@ -1,5 +1,5 @@
-"""A force in a ball: |x| <= r against the motion. Friction of a support, whose rows come in units in which its
-limit surface is a ball.
+"""A force in a ball: |x| <= r against the motion. Friction of a support, whose rows come in units in which
+its limit surface is a ball.
 
 law = (r,).
 """

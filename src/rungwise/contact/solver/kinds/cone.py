@@ -1,7 +1,8 @@
-"""Coulomb's cone of friction, with torsion and rolling: 0 <= x_n _|_ y_n >= 0, |x_t| <= mu x_n against the slip.
+"""Coulomb's cone of friction, with torsion and rolling: 0 <= x_n _|_ y_n >= 0, |x_t| <= mu x_n against the
+slip.
 
-law = (mu,). Rows of torsion and of rolling come in units in which their limits are mu as well.
-Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
+law = (mu,). Rows of torsion and of rolling come in units in which their limits are mu as well. Source:
+Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
 """
 
 from __future__ import annotations
@@ -54,4 +55,4 @@ def violation(law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
     shrink = 1.0 if length <= radius else radius / length
     for i in range(1, d):
         total += (x[i] - shrink * (x[i] - y[i])) ** 2
-    return max(abs(min(x[0], y[0])), math.sqrt(total))
+    return max(abs(float(min(x[0], y[0]))), math.sqrt(total))

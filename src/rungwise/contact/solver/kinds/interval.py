@@ -29,4 +29,4 @@ def natural_map(law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> i
 @inner_kernel
 def violation(law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
     """See `kinds.violation`."""
-    return abs(x[0] - min(max(x[0] - y[0], unit * law[0]), unit * law[1]))
+    return abs(float(x[0] - min(max(x[0] - y[0], unit * law[0]), unit * law[1])))

@@ -42,7 +42,10 @@ class Further:
             if begins:
                 d = state.force.shape[1]
                 pushed = (state.modes[slots] != OPEN).astype(np.int64)
-                self._pull[:] = -named.pull(slots, terms.gap[:count] - terms.rounding[0], pushed) @ terms.rows[: count * d : d]
+                self._pull[:] = (
+                    -named.pull(slots, terms.gap[:count] - terms.rounding[0], pushed)
+                    @ terms.rows[: count * d : d]
+                )
             terms.load[:] += self._pull
             fall_freely(terms, np.where(state.prescribed == 1, 0.0, np.nan))
         if state.laws.shape[1] > 0:

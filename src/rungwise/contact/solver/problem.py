@@ -1,5 +1,5 @@
-"""What a step runs: of few bodies in the plane a warm guess of modes, then the contact solver; of few contacts
-in the plane, in the end, a search over all modes.
+"""What a step runs: of few bodies in the plane a warm guess of modes, then the contact solver; of few
+contacts in the plane, in the end, a search over all modes.
 
 A mode with more closed rows than coordinates is no guess. Promises: SOLVED only with a residual within
 `TOLERANCE`; NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a
@@ -8,36 +8,33 @@ certificate.
 
 from __future__ import annotations
 
-from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
-from rungwise.contact.step.exertion import WEDGED, exertion
-from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
+from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
+from rungwise.contact.solver.modes.exertion import WEDGED, exertion
+from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.step_residual import residual
+from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, imported_kernel, kernel, rare_kernel
 
-TOLERANCE = 1e-8
-"""Residual, without unit (see `residual`), up to which a step is solved. Chosen by trial, to a decade."""
 EXACT, NEAR = 1e-14, 1e-9
-"""Residual up to which a guess is taken, and up to which the solver starts from it: where next to nothing resists
-a motion, a residual above rounding moves bodies far."""
+"""Residual up to which a guess is taken, and up to which the solver starts from it: where next to nothing
+resists a motion, a residual above rounding moves bodies far."""
 LARGE = 24
 """Size of a mode's system from which on the contact solver is faster."""
-SOLVED, NO_SOLUTION = 0, 1
-GUESS, PROXIMAL, SEARCH = 0, 1, 2
-"""What answered: the active set of the start, proximal problems after it, the search over modes."""
-SPARE = 3
-"""Rows of the scratch matrix for vectors, beside the rows of the largest system."""
-
-
-def matrix_size(n: int, contacts: int, limited: int) -> int:
-    """Side of the scratch matrix that guesses and searches of modes need, one more in columns."""
-    return n + 2 * contacts + limited + SPARE
 
 
 @imported_kernel("rungwise.contact.solver.step")
 def solve_groups(
-    p: ContactProblem, sizes: Sizes, unknowns: Unknowns, surface: Ints, columns: Ints, couplings: Ints, halt: Ints
+    p: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    law: int,
+    surface: Ints,
+    columns: Ints,
+    couplings: Ints,
+    halt: Ints,
 ) -> tuple[int, float, int]:
     """See the module."""
     raise NotImplementedError
@@ -69,7 +66,7 @@ def solve_problem(
                 return SOLVED, found, GUESS
             if not near:
                 spread(sizes, forces, v, unknowns)
-    status, found, stage = solve_groups(problem, sizes, unknowns, surface, columns, couplings, halt)
+    status, found, stage = solve_groups(problem, sizes, unknowns, CONE, surface, columns, couplings, halt)
     if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
         return status, found, stage
     touching = mode_count(problem, sizes, False) > MAX_MODES

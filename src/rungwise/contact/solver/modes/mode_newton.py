@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.linear import solve_in_place
+from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 MAX_FLIPS = 12

@@ -1,5 +1,5 @@
-"""What forces of an answer exert beside what the problem calls for: beside forces far greater than that any other
-error looks small."""
+"""What forces of an answer exert beside what the problem calls for: beside forces far greater than that
+any other error looks small."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import kernel, rare_kernel
 
 WEDGED = 1e8
-"""Forces that exceed the needs of loads and demanded rates by this factor belong to a singular mode. Chosen by
-trial, to a decade."""
+"""Forces that exceed the needs of loads and demanded rates by this factor belong to a singular mode.
+Chosen by trial, to a decade."""
 
 
 @kernel

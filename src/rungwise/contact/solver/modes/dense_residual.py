@@ -118,7 +118,7 @@ def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force
 
 @kernel
 def _magnitude(rows: Reals, offset: Reals, r: int, n: int, v: Reals) -> float:
-    total = abs(offset[r])
+    total = float(abs(offset[r]))
     for i in range(n):
         total = max(total, abs(rows[r, i] * v[i]))
     return total

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.mode_newton import solve_mode
+from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.modes.mode_newton import solve_mode
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.contact.step.step_residual import residual
 from rungwise.kernel import Ints, inner_kernel, kernel
 
 MAX_MODES = 5000

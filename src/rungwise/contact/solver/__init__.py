@@ -1,0 +1,1 @@
+"""The contact solver: groups of rows, each of one kind, one method, one residual."""

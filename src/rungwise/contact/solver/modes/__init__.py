@@ -1,0 +1,1 @@
+"""Contact modes of few bodies in the plane, one linear system each."""
