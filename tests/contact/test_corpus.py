@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rungwise.contact.step import SOLVED
+from rungwise.system.terms import APART
 from tests.test_examples import script
 
 
@@ -28,7 +29,9 @@ def test_what_was_solved_is_solved_again(corpus: ModuleType, cold: bool) -> None
     rows = [(note.status == SOLVED, corpus.tried(note, corpus.step, cold)) for note in notes]
     missed = [k for k, (known, row) in enumerate(rows) if known and not row.solved]
     assert len(missed) <= (1e-2 * len(rows) if cold else 0), missed
-    unlike = sum(known and not row.alike for known, row in rows)
+    # Supports with their true pressure have ellipsoids here that a step goes on to change.
+    alone = [not (note.surface != APART).any() for note in notes]
+    unlike = sum(known and own and not row.alike for own, (known, row) in zip(alone, rows, strict=True))
     assert unlike <= (0.2 if cold else 1e-2) * len(rows)
 
 

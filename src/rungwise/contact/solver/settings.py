@@ -24,5 +24,7 @@ ROUNDING = 1e-14
 SLOW = 1e-9
 """Velocity over the greatest force, both in units of the groups, up to which rest is judged beside an
 answer."""
+NOTHING = 1e-12
+"""Part of the greatest rate, and of what the greatest force does in a row of balance, that is no motion."""
 WIDE = 60
 """Velocities from which on the matrix is kept by its blocks."""

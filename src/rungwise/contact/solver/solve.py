@@ -29,6 +29,7 @@ from rungwise.contact.solver.settings import (
     LEAST,
     LENGTHS,
     MOST,
+    NOTHING,
     PROBLEMS,
     ROUNDING,
     SLOW,
@@ -69,7 +70,37 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
         _approach(g, start % 2, start == 0, x, v, room, halt, count)
     copy(room.best_x, x)
     copy(room.best_v, v)
+    if room.least[0] <= TOLERANCE and _calm(g, x, v, room):
+        found = measure(g, x, v, room)
+        if found <= max(room.least[0], ENOUGH):
+            return float(found)
+        copy(room.best_v, v)
     return float(room.least[0])
+
+
+@kernel
+def _calm(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
+    """Let velocities be zero that are nothing in any rate and any balance: where next to nothing resists a
+    motion that changes no contact, it is rounding. Returns whether some are."""
+    measure(g, x, v, room)
+    forces, rates = room.scale[0], room.scale[1]
+    seen, calmed = room.vt, False
+    for i in range(len(v)):
+        seen[i] = 0.0
+    for k in range(len(g.kind)):
+        at = g.entry[k]
+        for r in range(g.row[k], g.row[k + 1]):
+            for e in range(g.first[k], g.first[k + 1]):
+                seen[g.column[e]] = max(seen[g.column[e]], abs(g.W[at]) * g.rate[r])
+                at += 1
+    for i in range(len(v)):
+        most = 0.0
+        for e in range(g.H_first[i], g.H_first[i + 1]):
+            most = max(most, abs(g.H[e]))
+        nothing = most * abs(v[i]) <= NOTHING * room.lever[i] * forces
+        if v[i] != 0.0 and nothing and seen[i] * abs(v[i]) <= NOTHING * rates:
+            v[i], calmed = 0.0, True
+    return calmed
 
 
 @kernel

@@ -71,20 +71,22 @@ def _solve_or_hold(trial: Trial) -> int:
     """See `solve_step`."""
     rung, terms, state, scratch = trial.rung, trial.terms, trial.state, trial.scratch
     status = _solve_with_care(trial, False)
-    free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
-    if not free or not _is_pressed(terms, state):
+    clock, dynamic = state.clock[0], rung[0].inertia > 0.0
+    if not rung[0].loads or clock.leans or not _is_pressed(terms, state) or (dynamic and rung[0].compliant):
         return status
-    lands = status == SUPPORTED and _lands(trial)
-    if status == SUPPORTED and not lands:
+    doubtful = status == SUPPORTED and (_starts(trial) if dynamic else _lands(trial))
+    if (status == SUPPORTED or dynamic) and not doubtful:
         return status
     pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
     if first:
         copy(scratch.v_new, scratch.other[:-1])
     held = _solve_with_care(trial, True) == SUPPORTED
-    if lands and not (held and _pace(terms, scratch.v_new) <= SLOWER * pace):
+    if held and doubtful:
+        held = _is_still(scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
+    if doubtful and not held:
         return _solve_with_care(trial, False)
     if held and first:
-        scratch.other[-1] = state.clock[0].time
+        scratch.other[-1] = clock.time
     return SUPPORTED if held else status
 
 
@@ -108,6 +110,25 @@ def _lands(trial: Trial) -> bool:
         if scratch.contact_force[d * k] > 0.0 and terms.gap[k] > terms.rounding[0]:
             return True
     return False
+
+
+@kernel
+def _starts(trial: Trial) -> bool:
+    """Whether something begins to move where all rested, though rigid contacts may have held it."""
+    _, _, terms, contacts, state, scratch, _ = trial
+    closed = False
+    for k in range(contacts):
+        closed |= terms.gap[k] <= terms.rounding[0]
+    rested = _is_still(state.v) and _is_still(state.speed)
+    return bool(closed and rested and not _is_still(scratch.v_new))
+
+
+@kernel
+def _is_still(v: Reals) -> bool:
+    still = True
+    for i in range(v.shape[0]):
+        still &= v[i] == 0.0
+    return bool(still)
 
 
 @kernel
