@@ -11,7 +11,7 @@ import math
 
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import carried
-from rungwise.system.entries import rate
+from rungwise.system.entries import is_crowded, is_free, number_free, rate, spans
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
 LIMIT = 1e-8
@@ -62,6 +62,7 @@ def limit_inertia(
         return rung[0].inertia
     if n == 0:
         return 1.0
+    number_free(terms.entries, free, n)
     heaviest = 0.0
     for i in range(n):
         a = free[i]
@@ -84,7 +85,7 @@ def limit_inertia(
         for r in range(contacts * d):
             k, j = r // d, r % d
             resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
-            rate = resist * _mobility(terms.rows, r, terms, n, free) / heaviest
+            rate = resist * _mobility_of_contact(r, d, terms, n, free) / heaviest
             if 0.0 < rate < math.inf:
                 soft = min(soft, rate)
     if not landing and soft < math.inf:
@@ -175,7 +176,8 @@ def _demanded_pace(
         demanded = abs(rate(terms.entries, terms.rows, r, d, speed))
         if r % d == 0 and (landing or terms.gap[r // d] < -terms.rounding[0]):
             demanded = max(demanded, abs(terms.gap[r // d]) / h)
-        fastest = max(fastest, demanded * _answer(terms.rows, r, terms, n, free))
+        if demanded > 0.0:
+            fastest = max(fastest, demanded * _answer_of_contact(r, d, terms, n, free))
     for r in range(limited):
         demanded = abs(carried(terms.limited, r, speed))
         if math.isinf(terms.gains[r, 0]):
@@ -193,6 +195,35 @@ def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
         a = free[i]
         total += rows[r, a] * rows[r, a] / terms.heft[a, METRIC]
     return total
+
+
+@kernel
+def _mobility_of_contact(r: int, d: int, terms: Terms, n: int, free: Ints) -> float:
+    """As `_mobility`, of a row of a contact, by its entries where there are few."""
+    if not is_crowded(terms.entries):
+        return _mobility(terms.rows, r, terms, n, free)
+    total, (first, end, second, last) = 0.0, spans(terms.entries.rows, r // d)
+    for a in range(first, end):
+        total += terms.rows[r, a] ** 2 / terms.heft[a, METRIC] if is_free(terms.entries, a) else 0.0
+    for a in range(second, last):
+        total += terms.rows[r, a] ** 2 / terms.heft[a, METRIC] if is_free(terms.entries, a) else 0.0
+    return total
+
+
+@kernel
+def _answer_of_contact(r: int, d: int, terms: Terms, n: int, free: Ints) -> float:
+    """As `_answer`, of a row of a contact, by its entries where there are few."""
+    if not is_crowded(terms.entries):
+        return _answer(terms.rows, r, terms, n, free)
+    greatest, mobility = 0.0, _mobility_of_contact(r, d, terms, n, free)
+    first, end, second, last = spans(terms.entries.rows, r // d)
+    for a in range(first, end):
+        if is_free(terms.entries, a):
+            greatest = max(greatest, abs(terms.rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
+    for a in range(second, last):
+        if is_free(terms.entries, a):
+            greatest = max(greatest, abs(terms.rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
+    return greatest / mobility if mobility > 0.0 else 0.0
 
 
 @kernel

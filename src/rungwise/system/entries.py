@@ -49,6 +49,12 @@ def is_crowded(entries: Entries) -> bool:
 
 
 @inner_kernel
+def is_free(entries: Entries, i: int) -> bool:
+    """Whether coordinate i is free, where entries are known."""
+    return bool(entries.place[i + 1] > entries.place[i])
+
+
+@inner_kernel
 def spans(table: Ints, k: int) -> Spans:
     """The spans of contact k."""
     return table[k, 0], table[k, 1], table[k, 2], table[k, 3]

@@ -14,7 +14,7 @@ from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count,
 from rungwise.contact.solver.modes.exertion import WEDGED, exertion
 from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
+from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, imported_kernel, kernel, rare_kernel
 
@@ -53,8 +53,9 @@ def solve_problem(
 ) -> tuple[int, float, int]:
     """Solve, starting from `mode`, v, `force` and `tau`, into these; returns (status, residual, what
     answered). It ends without when halt (1,) is set. `surface`, `columns` and `couplings`: see
-    `solve_groups`; `room` is empty where no modes are guessed or searched."""
-    by_modes = problem.R.shape[1] == 2 and len(room.order) > 0 and len(surface) == 0
+    `solve_groups`; `room` is too small (see `matrix_size`) where no modes are guessed or searched."""
+    fits = len(room.order) >= sizes.n + 2 * sizes.contacts + sizes.limited + SPARE
+    by_modes = fits and problem.R.shape[1] == 2 and len(surface) == 0
     if by_modes:
         size = _determined_size(problem, sizes, unknowns.mode)
         if 0 < size <= LARGE:

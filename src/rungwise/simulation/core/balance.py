@@ -14,7 +14,7 @@ import math
 from rungwise.kernel import Reals, kernel, rare_kernel
 from rungwise.models.limit import STIR, greatest_load, noticed_load
 from rungwise.simulation.core.state import Scratch, Trial
-from rungwise.system.entries import fill_span, rate
+from rungwise.system.entries import fill_span, rate, stretch
 from rungwise.system.terms import METRIC, Terms
 
 _ROUNDING = 1e-6
@@ -72,9 +72,11 @@ def is_balanced(trial: Trial, unbalanced: float) -> bool:
         a = state.free[i]
         load = noticed_load(terms, a, force, acceleration, _ROUNDING)
         left, resisted = 0.0, 0.0
-        for b in state.free[: clock.free]:
-            left += clock.eps / h * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
-            resisted += abs((h * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
+        low, high = stretch(terms.entries, a, state.v.shape[0])
+        for b in range(low, high):
+            if not state.prescribed[b]:
+                left += clock.eps / h * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
+                resisted += abs((h * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
         for r in range(clock.limited):
             if math.isfinite(terms.limit[r]):
                 resisted += abs(terms.limited[r, a] * scratch.limited_force[r])

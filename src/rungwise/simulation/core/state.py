@@ -26,11 +26,6 @@ CLOCK = record_type(COUNTS, TIMES)
 `wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last attempt; `eps` and
 `theta` belong to its problem; then its residual, and the work of all steps taken."""
 
-SUPPORT = record_type("piece", "offset force power along scale yields")
-"""A row of dry friction that shares a limit surface (see `core.limit_surface`): rate at rest, force over its
-limit, power at its limit, and the direction of the force. The first row of a surface also has the piece of
-the law, the greatest power yet, and by how much the rows across the force yield."""
-
 
 class State(Block):
     """v (n,) at the start of the step. `prescribed` (n,) says which coordinates move at `speed` (n,), zero
@@ -61,10 +56,10 @@ class State(Block):
 class Scratch(Block):
     """Workspace of one step: the solution x of the free coordinates, all velocities, forces and modes of the
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
-    notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
+    notes of `notes.note`, if it has room. `other` (n + 1,) is another motion
     that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
-    `impact` (2 + d, contacts) is of impacts in two phases, empty where there are none; `bare` (3 m, n) and
-    `ellipsoid` (m, 18) are of limit surfaces of a pressure (see `core.exact_surface`). `halt` (1,) is set
+    `impact` (2 + d, contacts) is of impacts in two phases, empty where there are none; `ellipsoid`
+    (m, 18) is of limit surfaces of a pressure (see `core.exact_surface`). `halt` (1,) is set
     from outside where the step is to be given up."""
 
     x: Reals
@@ -78,10 +73,8 @@ class Scratch(Block):
     order: Ints
     after: Reals
     hard: Reals
-    support: RecordArray
     other: Reals
     impact: Reals
-    bare: Reals
     ellipsoid: Reals
     halt: Ints
 
@@ -144,7 +137,7 @@ def scratch_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Fields of `Scratch` for at most so many contacts and limited rows, and so many numbers of notes; `side`
     is the size of the matrix where it is not that of the solver in the plane."""
-    size = matrix_size(n, contacts, limited) if d == 2 else 0  # only `solve_planar` works in it
+    size = matrix_size(n, contacts, limited) if d == 2 else 0  # modes are guessed in the plane alone
     size = size if side is None else side
     return {
         "x": np.zeros(n),
@@ -158,10 +151,8 @@ def scratch_arrays(
         "order": np.zeros(size, np.int64),
         "after": np.zeros(d),
         "hard": np.zeros(notes),
-        "support": np.zeros(limited, SUPPORT),
         "other": np.append(np.zeros(n), -1.0),
         "impact": np.zeros((4, 0)),
-        "bare": np.zeros((0, n)),
         "ellipsoid": np.zeros((0, ELLIPSOID)),
         "halt": np.zeros(1, np.int64),
     }

@@ -33,16 +33,13 @@ from rungwise.simulation.core.state import State, Trial, sizes_in
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-RESTING, MOVING, HEAVY, HEAVIEST, LANDING = 0, 1, 2, 5, 6
-"""How inertia is chosen in the limit 0+: first for bodies at rest, then for moving bodies, with more inertia
-where rounding leaves no solution, in space in several turns, then for falling bodies."""
-_UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4)
+RESTING, MOVING, LANDING = 0, 1, 2
+"""How inertia is chosen in the limit 0+: first for bodies at rest, then for moving, then for falling
+bodies."""
+_UNBALANCED = (LIMIT, 1e-6, 1e-4)
 """Part of the load and of the resistance that inertia may then make up in a balance without inertia; one per
-choice of inertia. As the constants below, chosen by trial, to a decade; tests/simulation/test_faint.py and
-test_squeezed.py hold them."""
-_MORE, _MORE_IN_SPACE = 1e2, 10.0
-"""Factor on the inertia if `HEAVY`, and in each turn in space, where no pivoting solves what rounding hides
-from Newton's method. Chosen by trial, to a decade."""
+choice of inertia. Chosen by trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold
+them."""
 SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
 
@@ -142,7 +139,8 @@ def _pace(terms: Terms, v: Reals) -> float:
 
 @kernel
 def _solve_with_care(trial: Trial, convex: bool) -> int:
-    """Solve the step with more and more care for rounding; `convex`: from the forces that let bodies rest."""
+    """Solve the step with the inertia of one case after another; `convex`: from the forces that let bodies
+    rest."""
     rung, h, terms, contacts, state, _, _ = trial
     clock = state.clock[0]
     status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
@@ -150,11 +148,6 @@ def _solve_with_care(trial: Trial, convex: bool) -> int:
     for care in range(first, LANDING + 1):
         if care == RESTING:
             clock.eps = resting_inertia(h, terms, free, state.free)
-        elif HEAVY <= care <= HEAVIEST:
-            more = _MORE if rung[0].compliant and care == HEAVY else 1.0
-            more = _MORE_IN_SPACE if state.force.shape[1] > 2 else more
-            heavier = rung[0].inertia == 0.0 and status != SOLVED
-            clock.eps = min(1.0, more * clock.eps) if heavier else clock.eps
         else:
             clock.eps = limit_inertia(
                 rung, h, terms, contacts, clock.limited, free, state.free, state.speed, care == LANDING

@@ -8,7 +8,7 @@ The way of one step, from the outside in:
     attempt           one attempt at a length: terms, motion, place, look; accepted, or taken back
     choose_motion     the slowest motion, or of several admissible ones the preferred
     core.solve_step   assembles the rung's problem, and chooses inertia, restitution and theta
-    contact.step      solves it: mode guess, proximal point, pivoting, enumeration
+    contact.solver    solves it: guess of modes, proximal Newton, search over modes
 """
 
 from __future__ import annotations

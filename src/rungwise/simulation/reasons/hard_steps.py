@@ -25,8 +25,8 @@ _MEANING = (
 class HardSteps:
     """Files of a run's hard steps in `folder`.
 
-    A step is hard if it has no solution, also if it is then halved, or if it took more than the warm guess
-    and the proximal iteration: pivoting, or every mode. `count` is the number of hard steps, a step tried
+    A step is hard if it has no solution, also if it is then halved, or if it took the search over all
+    modes. `count` is the number of hard steps, a step tried
     twice counting once, and `files` are the files written: the first `FIRST`, the last `LAST`, and the last
     problem of a run that ended for want of a solution. The problem of an unsupported step is without the
     inertia that stands for the limit of none; a problem with numbers that are not finite is only counted.

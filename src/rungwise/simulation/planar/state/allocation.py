@@ -170,8 +170,7 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     scratch = Scratch(
         **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
         | {name: carried[name] for name in ("limited_mode", "limited_force")}
-        | {"impact": np.zeros((4, impacts)), "bare": np.zeros((3 * exact, n))}
-        | {"ellipsoid": np.zeros((exact, core.ELLIPSOID))},
+        | {"impact": np.zeros((4, impacts)), "ellipsoid": np.zeros((exact, core.ELLIPSOID))},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
         probe=np.zeros((2, 5)),
