@@ -85,12 +85,6 @@ FAULTS = (
         ("tests/contact/test_spatial.py",), "the judge of groups knows half the friction",
     ),
     Fault(
-        "rest-not-judged", "src/rungwise/contact/solver/solve.py",
-        "if found > GOAL or _is_slow(x, v):", "if False:",
-        ("tests/simulation/spatial/test_exact_fits.py", "tests/simulation/test_push.py"),
-        "rest is not judged beside an answer",
-    ),
-    Fault(
         "residual-half-cone", "src/rungwise/contact/solver/modes/dense_residual.py",
         "radius = p.mu[k] * max(normal, 0.0)", "radius = 0.5 * p.mu[k] * max(normal, 0.0)",
         ("tests/contact/test_residual.py",), "the disc of friction has half its radius",

@@ -21,9 +21,6 @@ ENDLESS = 16
 """Proximal problems in which the residual does not fall by half, after which the solver gives up a start."""
 ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""
-SLOW = 1e-9
-"""Velocity over the greatest force, both in units of the groups, up to which rest is judged beside an
-answer."""
 NOTHING = 1e-12
 """Part of the greatest rate, and of what the greatest force does in a row of balance, that is no motion."""
 WIDE = 60

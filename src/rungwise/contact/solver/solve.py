@@ -2,7 +2,7 @@
 
 Algorithm: of a start, Newton's method first takes the active set that its forces tell; then come proximal
 problems, each about the answer of the one before, until the residual, which is the judge's, is within the
-goal. Beside each iterate rest is judged as a candidate. The map looks ahead with force over rate of the
+goal. Rest by the forces given is judged before. The map looks ahead with force over rate of the
 iterate, as the judge measures both, so that neither is lost beside the other; where a start leads nowhere,
 with those of the problem, loads over demanded rates; then from nothing.
 Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
@@ -32,7 +32,6 @@ from rungwise.contact.solver.settings import (
     NOTHING,
     PROBLEMS,
     ROUNDING,
-    SLOW,
     STEPS,
     STILL,
     WEDGED,
@@ -228,9 +227,6 @@ def _approach(
             continue
         if found < 0.5 * least:
             least, endless = found, 0
-        if found > GOAL or _is_slow(x, v):
-            _clear(vc)
-            _note(g, x, vc, settled, room)  # by these forces all may rest
         if room.least[0] <= GOAL:
             break
         weight = CHANGE * WEIGHT if guess and room.least[0] > ENOUGH else max(CHANGE * weight, LEAST)
@@ -247,12 +243,6 @@ def _is_settled(x: Reals, centre: Reals) -> bool:
     for r in range(len(x)):
         change = max(change, abs(x[r] - centre[r]))
     return change <= STILL * _greatest(x)
-
-
-@inner_kernel
-def _is_slow(x: Reals, v: Reals) -> bool:
-    """Whether velocities may be rounding beside forces, where each body and each group yields by one."""
-    return _greatest(v) <= SLOW * max(1.0, _greatest(x))
 
 
 @inner_kernel
