@@ -334,3 +334,33 @@ def test_runs_on_supports_go_on_bit_for_bit() -> None:
         for state in (whole.states[100], whole.states[357]):
             rest = rw.simulate("push", model, step=1e-2, parameters={"near": 0.0}, state=state)
             assert rest.final == whole.final
+
+
+@pytest.mark.parametrize("lightest", [1e-4, 1e-8])
+@pytest.mark.parametrize("offset", [0.0, 0.015])
+def test_a_part_is_pushed_alike_beside_parts_of_very_unequal_load(lightest: float, offset: float) -> None:
+    """A contact that a pusher drives must yield, however small the loads of others are."""
+    bodies = {"p": part({}, (0.1, offset, 0.0)), "f": pusher(-0.001, 0.0, 0.2, 0.0)}
+    alone = rw.simulate(scene(bodies, 0.3, duration=0.3), "quasistatic-rigid")
+    for k, ratio in enumerate((1.0, math.sqrt(lightest), lightest)):
+        bodies[f"o{k}"] = part({"load": ratio * G}, (0.4 * k, 1.0, 0.1), mass=ratio)
+    beside = rw.simulate(scene(bodies, 0.3, duration=0.3), "quasistatic-rigid")
+    assert str(beside.outcome) == str(alone.outcome) == "timeout"
+    assert alone.final["p"]["x"] > 0.1
+    assert beside.final["p"] == pytest.approx(alone.final["p"], abs=1e-9)
+
+
+@pytest.mark.parametrize("lightest", [1e-4, 1e-8])
+def test_a_row_of_parts_of_very_unequal_load_is_pushed_as_far_as_the_pusher_goes(lightest: float) -> None:
+    loads = [lightest, 1.0, math.sqrt(lightest)]
+    for order in ((0, 1, 2), (1, 0, 2), (2, 1, 0)):
+        row = {
+            f"o{k}": part({"load": loads[i] * G}, (0.1 + 0.2 * k, 0.0, 0.0), mass=loads[i])
+            for k, i in enumerate(order)
+        }
+        given = scene(row | {"f": pusher(-0.001, 0.0, 0.2, 0.0)}, 0.3, duration=0.3)
+        run = rw.simulate(given, "quasistatic-rigid")
+        assert str(run.outcome) == "timeout", run.reason
+        ends = [run.final[name]["x"] for name in row]
+        expected = [-0.001 + 0.2 * 0.3 + 0.1 + 0.2 * k for k in range(3)]
+        np.testing.assert_allclose(ends, expected, atol=1e-6)

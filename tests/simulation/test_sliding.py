@@ -164,3 +164,25 @@ def test_a_block_that_rattles_to_rest_takes_hardly_more_steps_than_it_is_given(
     assert run.outcome.name == "timeout" and run.worst_residual <= 1e-8
     assert run.attempts < 5000 * 1.05
     assert run.final["lone"]["angle"] == pytest.approx(slope, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+@pytest.mark.parametrize("beyond", [3e-10, 1e-6])
+def test_a_box_slides_hardly_beyond_its_angle_of_friction_in_any_unit(size: float, beyond: float) -> None:
+    mu, g, h, until = 0.9, 9.81 * size, 1e-3, 0.25
+    slope = math.atan(mu) + beyond
+    box = {"kind": "box", "width": 0.2 * size, "height": 0.1 * size}
+    part = {"role": "object", "shape": box, "mass": 1.3, "motion": {"kind": "free"}}
+    given = {
+        "name": "slope",
+        "gravity": [g * math.sin(slope), -g * math.cos(slope)],
+        "bodies": {
+            "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+            "box": part | {"pose": {"x": 0.0, "y": 0.05 * size}},
+        },
+        "contacts": [{"between": ["*", "*"], "friction": mu}],
+        "step": h, "duration": until, "tolerance": 1e-6 * size,
+    }  # fmt: skip
+    run = rw.simulate(given, rw.DYNAMIC_RIGID)
+    pull = 9.81 * (math.sin(slope) - mu * math.cos(slope))
+    assert run.final["box"]["x"] / size == pytest.approx(0.5 * pull * until * (until + h), rel=1e-5)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.problem import Array
-from rungwise.contact.solver.modes.dense_residual import FLOOR, REST, ROUNDING
+from rungwise.contact.solver.residual import FLOOR, REST, ROUNDING
 from rungwise.contact.step.problem import ContactProblem
 
 

@@ -1,9 +1,9 @@
 """Newton's method on the natural map, within a step of the proximal point method.
 
-    F = x - P(x - pace (y + weight / pace (x - x_c)))        G = H v + weight (v - v_c) - W^T x - c
+    F = x - P(x - pace (y + weight / pace (x - x_c)))      G = H v + weight hold (v - v_c) - W^T x - c
 
 Each step eliminates the forces group by group, dx = -M^-1 (F + pace S W dv) with M = 1 - S + S (pace R +
-weight) and S the slope of P, and solves (H + weight + W^T E W) dv = -G - W^T M^-1 F, E = M^-1 pace S.
+weight) and S the slope of P, and solves (H + weight hold + W^T E W) dv = -G - W^T M^-1 F, E = M^-1 pace S.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 class Room(NamedTuple):
     """Scratch: map F (rows,), G (n,), rates y (rows,), slopes S and E (g, d, d), M^-1 F (rows,), steps dx
     (rows,) and dv (n,), trials xt and vt, rows a and b (d,), systems M (d, 2 d + 1), matrix (n, n) and order
-    (n,) of few velocities, blocks of many, push."""
+    (n,) of few velocities, blocks of many, push (d n,); pace (g,), hold (n,), mode (g,) of the groups; lever
+    (n,), and scale (2,), see `residual`; the unknowns x and v, where they began, the centre of the proximal
+    term, and the best met, with its residual in least (1,)."""
 
     F: Reals
     G: Reals
@@ -234,7 +236,7 @@ def _pushes(E: Reals, d: int) -> bool:
 
 @kernel
 def _assemble(g: Groups, weight: float, room: Room) -> None:
-    """Fill the matrix H + weight + W^T E W."""
+    """Fill the matrix H + weight hold + W^T E W."""
     n, K, E, a = len(g.c), room.matrix, room.E, room.a
     for i in range(n):
         for j in range(n):

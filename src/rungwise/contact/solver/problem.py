@@ -13,10 +13,10 @@ from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
 from rungwise.contact.solver.modes.exertion import WEDGED, exertion
 from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.modes import OPEN, STICK, clear
 from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
-from rungwise.kernel import Ints, Reals, imported_kernel, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, imported_kernel, kernel
 
 EXACT, NEAR = 1e-14, 1e-9
 """Residual up to which a guess is taken, and up to which the solver starts from it: where next to nothing
@@ -75,23 +75,9 @@ def solve_problem(
         found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, SEARCH
-        _clear(sizes, unknowns)
+        clear(2, sizes, unknowns)
         found = residual(problem, sizes, unknowns)
     return NO_SOLUTION, found, SEARCH
-
-
-@rare_kernel
-def _clear(sizes: Sizes, unknowns: Unknowns) -> None:
-    """Set forces and velocities to zero, contacts open."""
-    contacts, limited = sizes.contacts, sizes.limited
-    mode, v, force, tau = unknowns
-    v[:] = 0.0
-    for k in range(contacts):
-        mode[k] = OPEN
-        force[2 * k] = force[2 * k + 1] = 0.0
-    for r in range(limited):
-        mode[contacts + r] = STICK
-        tau[r] = 0.0
 
 
 @kernel

@@ -8,9 +8,8 @@ contact rows but no less than the problem's quantum, forces against L. Signorini
 radius mu lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed
 by U along the direction that yields most, so that forces of rounding size count as none (a normal that
 meets the axis of a hinge yields by rounding alone); and where U is only rounding beside the change of
-speed that L causes, it is `REST` of that change, so that things may rest; an L that exceeds by far what
-the problem calls for counts as no more than that there, or forces that grow without bound would hide what
-they cannot do. Joints hold exactly: their rates are measured against U as it was.
+speed that L causes, and no rate is demanded, it is `REST` of that change, so that things may rest. Joints
+hold exactly: their rates are measured against U as it was.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import math
 
 from rungwise.contact.solver.groups import Groups
 from rungwise.contact.solver.kinds import free, is_cone, violation
-from rungwise.contact.solver.settings import GROWN
 from rungwise.kernel import Reals, kernel
 
 FLOOR = 1e-6
@@ -27,6 +25,12 @@ FLOOR = 1e-6
 ROUNDING, REST = 1e-14, 1e-3
 """U over the change of speed that L causes: U is rounding below the first, about a hundred roundings, and is
 then raised to the second. Both chosen by trial, to a decade."""
+DEMANDED = 1e3
+"""Rate over the problem's quantum from which on it is a demand, not rounding, which nothing excuses.
+Chosen by trial, to a decade."""
+GROWN = 1e3
+"""Forces over what the problem calls for that excuse no more than such forces would: growing without bound
+they would hide any error. Chosen by trial, to a decade."""
 
 
 @kernel
@@ -35,9 +39,9 @@ def residual(
 ) -> float:
     """Largest scaled violation of the balance and the laws by velocities v (n,) and forces x (rows,), in the
     units of the groups; inf when something is not finite. y (rows,) are then the rates and G (n,) what the
-    balance lacks; scale (2,) the force and rate
-    that others are measured against; lever (n,), a and b (d,) are scratch."""
-    n, forces, rates = len(v), 0.0, g.noise[0]
+    balance lacks; scale (2,) the force and rate that others are measured against, lever (n,) the greatest
+    entries of rows; a and b (d,) are scratch."""
+    n, forces, rates, demanded = len(v), 0.0, g.noise[0], 0.0
     for i in range(n):
         total = -g.c[i]
         for e in range(g.H_first[i], g.H_first[i + 1]):
@@ -60,11 +64,10 @@ def residual(
             y[r] = total + yielded
             forces = max(forces, abs(own) * g.force[r])
             rates = max(rates, max(greatest, abs(yielded)) * g.rate[r])
+            demanded = max(demanded, abs(g.w[r]) * g.rate[r])
     at_rest = rates
-    for k in range(len(g.kind)):
-        rates = max(rates, _rest(g, k, at_rest, forces))
-    if rates > at_rest:
-        rates, most = at_rest, GROWN * called(g)
+    if g.noise[0] == 0.0 or demanded <= DEMANDED * g.noise[0]:
+        most = GROWN * called(g)
         for k in range(len(g.kind)):
             rates = max(rates, _rest(g, k, at_rest, min(forces, most * g.force[g.row[k]])))
     for k in range(len(g.kind)):

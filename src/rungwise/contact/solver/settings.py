@@ -4,9 +4,9 @@ from __future__ import annotations
 
 GOAL, ENOUGH = 1e-15, 1e-9
 """Residual at which the solver ends, and at which it ends where the residual falls by half no more."""
-WEDGED, GROWN, STILL = 1e8, 1e3, 1e-3
+WEDGED = 1e8
 """Forces over what loads, demanded rates and limits call for, at most: beside greater ones any error is
-small; and from which on they must have settled: be changed by less than the last in a proximal problem."""
+small."""
 GUESS = 1e-8
 """Weight of the proximal term of the first Newton steps, which take the active set from the forces given."""
 WEIGHT, LEAST, MOST = 1e-2, 1e-10, 1e1

@@ -23,7 +23,6 @@ from rungwise.contact.solver.settings import (
     ENDLESS,
     ENOUGH,
     GOAL,
-    GROWN,
     GUESS,
     GUESSES,
     LEAST,
@@ -33,7 +32,6 @@ from rungwise.contact.solver.settings import (
     PROBLEMS,
     ROUNDING,
     STEPS,
-    STILL,
     WEDGED,
     WEIGHT,
 )
@@ -55,9 +53,11 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
         warm |= x[r] != 0.0
     room.least[0] = math.inf
     _clear(v)
-    _note(g, x, v, True, room)
+    found = measure(g, x, v, room)
+    if found <= NOTHING:
+        return float(found)
     for start in range(4 if warm else 2):
-        if room.least[0] <= (GOAL if start == 0 else TOLERANCE) or halt[0] != 0:
+        if room.least[0] <= TOLERANCE or halt[0] != 0:
             break
         count[2] = start
         if start < 2:
@@ -116,7 +116,7 @@ def _excess(g: Groups, x: Reals, lever: Reals) -> float:
     others press, over loads and limits, as forces, if that is less."""
     greatest, most = _greatest(x), called(g)
     excess = greatest / most if greatest > 0.0 else 0.0
-    if excess <= GROWN:
+    if excess <= WEDGED:
         return excess
     greatest, load = 0.0, _load(g, lever)
     for r in range(len(x)):
@@ -144,12 +144,9 @@ def _load(g: Groups, lever: Reals) -> float:
 
 
 @kernel
-def _note(g: Groups, x: Reals, v: Reals, settled: bool, room: Room) -> float:
-    """Measure an answer, and keep it if none was better; returns the residual. Forces that are not `settled`
-    and exceed what is called for may be growing without bound, which hides any error: they are no answer."""
+def _note(g: Groups, x: Reals, v: Reals, room: Room) -> float:
+    """Measure an answer, and keep it if none was better; returns the residual."""
     found = measure(g, x, v, room)
-    if not settled and found <= TOLERANCE and _excess(g, x, room.lever) > GROWN:
-        return math.inf
     if found < max(room.least[0], GOAL) or room.least[0] == math.inf:
         room.least[0] = found
         copy(x, room.best_x)
@@ -191,7 +188,7 @@ def _approach(
 ) -> None:
     """The proximal point method from (x, v)."""
     xc, vc = room.centre_x, room.centre_v
-    least, weight, endless = _note(g, x, v, True, room), WEIGHT, 0
+    least, weight, endless = _note(g, x, v, room), WEIGHT, 0
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
@@ -213,8 +210,7 @@ def _approach(
             copy(vc, v)
             reached = descend(g, weight, LENGTHS, STEPS, goal, x, v, xc, vc, room, count)
         endless += 1
-        settled = _is_settled(x, xc)
-        found = _note(g, x, v, settled, room)
+        found = _note(g, x, v, room)
         if found > ENOUGH and not reached <= enough:
             copy(xc, x)
             copy(vc, v)
@@ -234,15 +230,6 @@ def _approach(
             measure(g, x, v, room)
             set_pace(g, by, room)
         size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
-
-
-@inner_kernel
-def _is_settled(x: Reals, centre: Reals) -> bool:
-    """Whether forces have hardly changed in a proximal problem."""
-    change = 0.0
-    for r in range(len(x)):
-        change = max(change, abs(x[r] - centre[r]))
-    return change <= STILL * _greatest(x)
 
 
 @inner_kernel

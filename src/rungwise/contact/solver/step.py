@@ -20,8 +20,8 @@ from rungwise.contact.solver.groups import (
 from rungwise.contact.solver.islands import count_island, fill_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
 from rungwise.contact.solver.settings import WIDE
-from rungwise.contact.solver.solve import measure, set_pace, solve
-from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.solver.solve import BY_ITERATE, measure, set_pace, solve
+from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
@@ -83,7 +83,7 @@ def solve_groups(
             break
     solved = worst <= TOLERANCE
     if not solved:
-        _clear(d, sizes, unknowns)
+        clear(d, sizes, unknowns)
     if not solved or apart > 1:
         worst = residual_of_groups(p, sizes, unknowns, law, surface, columns, couplings)
     return SOLVED if solved else NO_SOLUTION, worst, PROXIMAL if count[1] > apart else GUESS
@@ -220,19 +220,6 @@ def _measure(
     return measure(g, here.x, here.v, here)
 
 
-@kernel
-def _clear(d: int, sizes: Sizes, unknowns: Unknowns) -> None:
-    """Set forces and velocities to zero, contacts open."""
-    for r in range(d * sizes.contacts):
-        unknowns.force[r] = 0.0
-    for r in range(sizes.limited):
-        unknowns.tau[r], unknowns.mode[sizes.contacts + r] = 0.0, STICK
-    for k in range(sizes.contacts):
-        unknowns.mode[k] = OPEN
-    for i in range(sizes.n):
-        unknowns.v[i] = 0.0
-
-
 @inner_kernel
 def _take(g: Groups, own: Ints, unknowns: Unknowns, rows: int, x: Reals, v: Reals) -> None:
     """Count the unknowns of a problem, whose contacts have so many rows, in the units of the groups;
@@ -250,7 +237,7 @@ def _give(
 ) -> None:
     """Write forces, velocities and modes as the problem counts them."""
     measure(g, x, v, room)
-    set_pace(g, 0, room)
+    set_pace(g, BY_ITERATE, room)
     evaluate(g, 0.0, x, v, x, v, room)
     for r in range(len(x)):
         at = g.origin[r]

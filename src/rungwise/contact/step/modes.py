@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.kernel import kernel
 
 CLOSED, ANY, OPEN, STICK, FORWARD, BACKWARD = -2, -1, 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
@@ -21,6 +22,19 @@ _FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
 
 Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """E, e, G, g of the system E x = e, G x >= g."""
+
+
+@kernel
+def clear(d: int, sizes: Sizes, unknowns: Unknowns) -> None:
+    """Set forces and velocities to zero, contacts of d directions open."""
+    for r in range(d * sizes.contacts):
+        unknowns.force[r] = 0.0
+    for r in range(sizes.limited):
+        unknowns.tau[r], unknowns.mode[sizes.contacts + r] = 0.0, STICK
+    for k in range(sizes.contacts):
+        unknowns.mode[k] = OPEN
+    for i in range(sizes.n):
+        unknowns.v[i] = 0.0
 
 
 def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -143,7 +143,7 @@ def _solve_with_care(trial: Trial, convex: bool) -> int:
     rest."""
     rung, h, terms, contacts, state, _, _ = trial
     clock = state.clock[0]
-    status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
+    status, balanced, free, tried, ended = NO_SOLUTION, True, clock.free, -1.0, False
     first = RESTING if _may_rest(trial) else MOVING
     for care in range(first, LANDING + 1):
         if care == RESTING:
@@ -160,11 +160,12 @@ def _solve_with_care(trial: Trial, convex: bool) -> int:
         if status == SOLVED:
             balanced = rung[0].inertia > 0.0 or not rung[0].loads
             balanced = balanced or is_balanced(trial, _UNBALANCED[care])
+            ended = True
         if status == SOLVED and balanced:
             break
-    if status != SOLVED:
+    if not ended:
         return UNSOLVED
-    return SUPPORTED if balanced else UNSUPPORTED
+    return SUPPORTED if status == SOLVED and balanced else UNSUPPORTED
 
 
 @kernel

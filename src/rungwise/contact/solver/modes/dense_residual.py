@@ -1,29 +1,13 @@
-"""Residual of a candidate solution, from the problem alone: no solver has a say in it.
-
-Each equation is measured against the largest term of its kind, so that the residual is free of units, also
-where coordinates of different units meet: each balance row against its own terms and the largest term that
-the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
-rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
-lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
-lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U along
-the direction that yields most, so that forces of rounding size count as none (a normal that meets the axis of
-a hinge yields by rounding alone); and where U is only rounding beside the change of speed that L
-causes, it is `REST` of that change, so that things may rest. Joints hold exactly: their rates are measured
-against U as it was.
-"""
+"""The residual of `solver.residual`, of a step's problem as it stands: for guesses of modes, whose few rows
+take longer to sort into groups than to judge. A test compares the two."""
 
 from __future__ import annotations
 
 import math
 
+from rungwise.contact.solver.residual import DEMANDED, FLOOR, REST, ROUNDING
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import Reals, inner_kernel, kernel
-
-FLOOR = 1e-6
-"""Least L, over the force that would change a contact's speed by U. Chosen by trial, to a decade."""
-ROUNDING, REST = 1e-14, 1e-3
-"""U over the change of speed that L causes: U is rounding below the first, about a hundred roundings, and is
-then raised to the second. Both chosen by trial, to a decade."""
 
 
 @kernel
@@ -33,20 +17,23 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
     n, contacts, limited = sizes
     _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
-    velocity, largest = p.quantum[0], 0.0
+    velocity, largest, demanded = p.quantum[0], 0.0, 0.0
     for r in range(contacts * d):
         velocity = max(velocity, _magnitude(p.W, p.w, r, n, v))
+        demanded = max(demanded, abs(p.w[r]))
         largest = max(largest, abs(force[r]))
     for k in range(contacts):
         for i in range(d):
             velocity = max(velocity, abs(_yielding(p, k, i, force)))
     for r in range(limited):
         velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
+        demanded = max(demanded, abs(p.w_s[r]))
         largest = max(largest, abs(tau[r]))
     at_rest = velocity
-    for k in range(contacts):
+    rounded = p.quantum[0] == 0.0 or demanded <= DEMANDED * p.quantum[0]
+    for k in range(contacts if rounded else 0):
         velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
-    for r in range(limited):
+    for r in range(limited if rounded else 0):
         velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     for k in range(contacts):
         largest = _at_least(FLOOR * velocity, p, p.W, k * d, d, n, largest)
