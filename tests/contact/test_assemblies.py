@@ -13,9 +13,9 @@ from scipy.linalg import block_diag
 import rungwise as rw
 from rungwise.contact.judge.farkas import check
 from rungwise.contact.judge.residuals import judge
+from rungwise.contact.measure import natural
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import scaled
-from rungwise.contact.solvers.measure import natural
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies

@@ -15,10 +15,6 @@ from rungwise.contact.prepare.inverse import inverse
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.prepare.units import compressed
-from rungwise.contact.solvers.cones import cones_of
-from rungwise.contact.solvers.measure import all_rates, natural
-from rungwise.contact.solvers.newton import condensed, newton
-from rungwise.contact.solvers.work import Work
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies
@@ -75,36 +71,6 @@ def test_the_product_is_the_matrix(problem: rw.Problem) -> None:
     expected = schur(problem, system)
     np.testing.assert_allclose(system.dense(), expected, atol=1e-13)
     np.testing.assert_allclose(system.product.diagonal, expected.diagonal(), atol=1e-13)
-    x, y = np.random.default_rng(2).normal(size=system.size), np.empty(system.size)
-    all_rates(system, x, system.b, 0.1, y)
-    np.testing.assert_allclose(y, expected @ x + 0.1 * x + system.b, atol=1e-12)
-    np.testing.assert_allclose(
-        cones_of(system).change(x) * cones_of(system).D, expected @ (x / cones_of(system).D), atol=1e-12
-    )
-
-
-@pytest.mark.few(2)
-def test_linear_systems_are_solved_in_velocities(problem: rw.Problem) -> None:
-    system, rng = scaled(problem), np.random.default_rng(3)
-    assert system.condensed is not None
-    E, L = rng.normal(size=(2, system.size, 3))
-    factors = condensed.solver(system.condensed, system.rows, 3, E, L)
-    assert factors is not None
-    whole, weight = (sp.block_diag(list(map(sp.coo_array, M.reshape(-1, 3, 3)))).toarray() for M in (E, L))
-    J, right = whole + weight @ schur(problem, system), rng.normal(size=system.size)
-    np.testing.assert_allclose(J @ factors.solve(right), right, atol=1e-8)
-    assert factors.sign == np.linalg.slogdet(J)[0]
-
-
-def test_newton_steps_are_those_of_the_matrix(problem: rw.Problem) -> None:
-    """A step of the product leads where that of the matrix does."""
-    system = scaled(problem)
-    start = rw.solve(problem, tol=1e-12).x[system.kept] / system.force
-    start *= 1.0 + 1e-4 * np.random.default_rng(4).normal(size=system.size)
-    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1, Work())
-    y, _ = newton.descend(system, system.dense(), start, system.b, 0.0, 0.0, 1, Work())
-    assert natural(system, x) <= 1e-2 * natural(system, start)
-    assert natural(system, x) == pytest.approx(natural(system, y), abs=1e-6)
 
 
 def test_islands_of_a_product_are_those_of_the_matrix() -> None:

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-
 import numpy as np
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.elimination import eliminated
-from rungwise.contact.prepare.system import scaled
-from rungwise.contact.solve import SOLVERS
-from rungwise.contact.solvers.small import solve_at_once
-
-CHAIN = tuple(module.NAME for module in SOLVERS)
 
 
 def moving(seed: int, inertia: float = 1.0, idle: int = 0) -> rw.Problem:
@@ -30,23 +22,6 @@ def moving(seed: int, inertia: float = 1.0, idle: int = 0) -> rw.Problem:
     return rw.Problem.balance(H, c, W, w, [0.0, 0.4, 0.8], directions=d, S=S, w_s=[0.1, 0.0], F=F)
 
 
-def test_one_call_is_the_chain() -> None:
-    solved = 0
-    for seed in range(40):
-        problem = moving(seed)
-        own, found = solve_at_once(problem, None, 1e-9), rw.solve(problem, solvers=CHAIN)
-        assert found.status == "solved"
-        if own is None:  # it promises nothing
-            continue
-        n, velocities = problem.rows, problem.velocities
-        np.testing.assert_allclose(own.x[n : n + velocities], found.v, atol=1e-7)
-        judged = judge(problem, scaled(problem), own.x)
-        np.testing.assert_allclose(astuple(own.residuals), astuple(judged), rtol=1e-3, atol=1e-14)
-        np.testing.assert_allclose(own.y, problem.A @ own.x + problem.b, atol=1e-12)
-        solved += 1
-    assert solved > 30
-
-
 def test_what_is_left_is_the_same_whether_dense_or_sparse() -> None:
     for seed in range(6):
         small, large = eliminated(moving(seed)), eliminated(moving(seed, idle=300))
@@ -60,13 +35,11 @@ def test_what_is_left_is_the_same_whether_dense_or_sparse() -> None:
 
 def test_velocities_that_nothing_holds_are_not_eliminated() -> None:
     problem = moving(0, inertia=0.0)
-    assert solve_at_once(problem, None, 1e-9) is None
     assert len(eliminated(problem).kept) == len(problem.b)
 
 
 def test_inertia_next_to_nothing_is_left_to_the_chain() -> None:
     """Beside rates without forces of 1e9, demands of 0.1 are within any tolerance of the first judge."""
     problem = moving(1, inertia=1e-9)
-    assert solve_at_once(problem, None, 1e-6) is None
     found = rw.solve(problem)
     assert found.status == "solved" and found.residuals.penetration < 1e-6

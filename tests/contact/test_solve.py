@@ -14,13 +14,11 @@ from rungwise.contact.analysis.pieces import check as check_solutions
 from rungwise.contact.judge.farkas import Infeasible, check
 from rungwise.contact.judge.residuals import judge
 from rungwise.contact.prepare.system import scaled
-from rungwise.contact.solve import SOLVERS
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 ONE = np.diag([2.0, 1.0, 1.0])
 
 
-@pytest.mark.parametrize("solver", [module.NAME for module in SOLVERS])
 @pytest.mark.parametrize(
     ("mu", "force", "rate"),
     [
@@ -29,34 +27,27 @@ ONE = np.diag([2.0, 1.0, 1.0])
         (0.0, [0.5, 0.0, 0.0], [0.0, -0.4, 0.0]),
     ],
 )
-def test_one_contact_in_space(solver: str, mu: float, force: list[float], rate: list[float]) -> None:
+def test_one_contact_in_space(mu: float, force: list[float], rate: list[float]) -> None:
     problem = rw.Problem.local(ONE, [-1.0, -0.4, 0.0], [mu])
-    system = scaled(problem)
-    chosen = next(module for module in SOLVERS if solver == module.NAME)
-    if not chosen.accepts(system):
-        assert solver == "pivoting"  # which is polyhedral
-        return
-    found = rw.solve(problem, solvers=(solver,))
-    assert found.status == "solved" and found.chain == (solver,)
+    found = rw.solve(problem)
+    assert found.status == "solved"
     np.testing.assert_allclose(found.r, force, atol=1e-8)
     np.testing.assert_allclose(found.u, rate, atol=1e-8)
 
 
-def test_one_contact_takes_one_sweep() -> None:
+def test_one_contact_of_any_matrix() -> None:
     rng = np.random.default_rng(5)
     for case in range(300):
         rows, turn = rng.normal(size=(3, 3)), 0.1 * rng.normal(size=(3, 3))
         block = rows @ rows.T + 0.1 * np.eye(3) + (case % 2) * (turn - turn.T)
         rate = rng.normal(size=3) - [3.0, 0.0, 0.0]
         problem = rw.Problem.local(block, rate, [10.0 ** rng.uniform(-6.0, 0.5)])
-        found = rw.solve(problem, solvers=("gauss-seidel",))
-        assert found.status == "solved" and found.attempts[0].iterations == 1, case
+        assert rw.solve(problem).status == "solved", case
 
 
-def test_unknowns_that_do_not_depend_on_each_other_take_no_pivot() -> None:
+def test_unknowns_that_do_not_depend_on_each_other() -> None:
     found = rw.solve(rw.Problem.lcp(np.diag([2.0, 1.0, 4.0]), [-1.0, 3.0, -2.0]))
     np.testing.assert_allclose(found.x, [0.5, 0.0, 0.5])
-    assert found.chain == ("pivoting",) and found.attempts[0].iterations == 0
 
 
 def test_a_contact_that_opens_carries_nothing() -> None:
@@ -211,7 +202,7 @@ def test_a_start_at_the_answer_is_the_answer() -> None:
     problem = rw.Problem.local(ONE, [-1.0, -0.4, 0.0], [0.5])
     cold = rw.solve(problem)
     warm = rw.solve(problem, start=cold.x)
-    assert warm.chain == () and warm.iterations == 0
+    assert warm.attempts == ()
     np.testing.assert_allclose(warm.x, cold.x, rtol=0, atol=1e-15)
 
 
@@ -337,7 +328,6 @@ def held(**rows: object) -> rw.Problem:
         ("complementary", lambda: rw.Problem.mlcp(np.eye(2), [0.0, 0.0], [True])),
         ("tol", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), tol=np.nan)),
         ("start", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), start=np.zeros(2))),
-        ("solvers", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), solvers=("magic",))),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(field: str, make: object) -> None:
@@ -481,13 +471,13 @@ def test_steps_as_models_assemble_them(
 
 
 def test_lcps_of_few_unknowns_are_solved_whatever_their_matrix() -> None:
-    """Any matrix, and an offset for which there is a solution: pivoting alone finds one."""
+    """Any matrix, and an offset for which there is a solution."""
     rng = np.random.default_rng(5)
     for _ in range(300):
         n = int(rng.integers(2, 11))
         M, carries = rng.normal(size=(n, n)), rng.random(n) < 0.5
         z, w = np.where(carries, rng.random(n), 0.0), np.where(carries, 0.0, rng.random(n))
-        found = rw.solve(rw.Problem.lcp(M, w - M @ z), solvers=("pivoting",))
+        found = rw.solve(rw.Problem.lcp(M, w - M @ z))
         assert found.status == "solved" and found.residuals.worst <= 1e-9
 
 

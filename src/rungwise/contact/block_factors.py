@@ -111,22 +111,22 @@ def add(factors: Factors, i: int, j: int, value: float) -> None:
 
 
 @inner_kernel
-def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals, push: Reals) -> None:
-    """Add W^T E W to the matrix, where column j of W (d, w) stands for velocity touched[j] - low. `push` (w
-    d,) is scratch."""
+def add_product(factors: Factors, touched: Ints, C: Reals, E: Reals, W: Reals, push: Reals) -> None:
+    """Add C^T E W to the matrix, where column j of C and W (d, w) stands for velocity touched[j]. `push` (w d,)
+    is scratch."""
     size, width = W.shape
     for m in range(width):
         for c in range(size):
             total = 0.0
             for r in range(size):
-                total += W[r, m] * E[r, c]
+                total += C[r, m] * E[r, c]
             push[m * size + c] = total
     i = 0
     while i < width:
-        a, i_end = _node_at(factors, touched, low, i)
+        a, i_end = _node_at(factors, touched, i)
         j = 0
         while j < width:
-            b, j_end = _node_at(factors, touched, low, j)
+            b, j_end = _node_at(factors, touched, j)
             if a == b:
                 block = factors.diagonal[a]
             elif a > b:
@@ -134,21 +134,21 @@ def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals, p
             else:
                 block = factors.upper[_block(factors, a, b)]
             for m in range(i, i_end):
-                row = 3 * factors.slot[touched[m] - low]
+                row = 3 * factors.slot[touched[m]]
                 for k in range(j, j_end):
                     total = 0.0
                     for c in range(size):
                         total += push[m * size + c] * W[c, k]
-                    block[row + factors.slot[touched[k] - low]] += total
+                    block[row + factors.slot[touched[k]]] += total
             j = j_end
         i = i_end
 
 
 @inner_kernel
-def _node_at(factors: Factors, touched: Ints, low: int, i: int) -> tuple[int, int]:
+def _node_at(factors: Factors, touched: Ints, i: int) -> tuple[int, int]:
     """The place of the node of touched[i], and where its velocities end in `touched`."""
-    node, end = factors.position[touched[i] - low], i + 1
-    while end < len(touched) and factors.position[touched[end] - low] == node:
+    node, end = factors.position[touched[i]], i + 1
+    while end < len(touched) and factors.position[touched[end]] == node:
         end += 1
     return node, end
 
@@ -180,9 +180,8 @@ def clear(factors: Factors) -> None:
 
 
 @kernel
-def factorise(factors: Factors, symmetric: bool) -> bool:
-    """Factor the matrix in place, by its lower half alone if it is symmetric; False where a block on the
-    diagonal is singular."""
+def factorise(factors: Factors) -> bool:
+    """Factor the matrix in place; False where a block on the diagonal is singular."""
     start, later, where = factors.start, factors.later, factors.where
     lower, upper, diagonal = factors.lower, factors.upper, factors.diagonal
     for p in range(len(factors.size)):
@@ -194,13 +193,10 @@ def factorise(factors: Factors, symmetric: bool) -> bool:
             for e in range(own + 1, end):
                 target = where[later[e]]
                 _subtract(lower[e], upper[own], lower[target])
-                if not symmetric:
-                    _subtract(lower[own], upper[e], upper[target])
+                _subtract(lower[own], upper[e], upper[target])
         if not _invert(diagonal[p]):
             return False
         for e in range(start[p], start[p + 1]):
-            if symmetric:
-                _transpose(lower[e], upper[e])
             _scale(lower[e], diagonal[p])
     return True
 
@@ -211,14 +207,6 @@ def _subtract(a: Reals, b: Reals, target: Reals) -> None:
     for i in range(0, 9, 3):
         for j in range(3):
             target[i + j] -= a[i] * b[j] + a[i + 1] * b[3 + j] + a[i + 2] * b[6 + j]
-
-
-@inner_kernel
-def _transpose(a: Reals, target: Reals) -> None:
-    """target = a^T, of blocks."""
-    for i in range(3):
-        for j in range(3):
-            target[3 * i + j] = a[3 * j + i]
 
 
 @inner_kernel

@@ -1,58 +1,43 @@
-"""`solve`: solvers are chosen by what they accept, called in turn, and judged by the problem alone."""
+"""`solve`: the contact solver, and where it finds nothing the search over modes; answers are judged by the
+problem alone."""
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
-from rungwise.contact.chain import run_chain
+from rungwise.contact.assembled import accepts, solve_assembled
+from rungwise.contact.balanced import balanced
+from rungwise.contact.exact import calmed, clip, exact
+from rungwise.contact.grouped import is_balance, solve_grouped
 from rungwise.contact.judge.farkas import Infeasible, proves
 from rungwise.contact.judge.residuals import Residuals, is_plain, judged, misses
+from rungwise.contact.measure import SMALL, natural, rate_error
 from rungwise.contact.prepare.even import in_even_units
 from rungwise.contact.prepare.system import System, scaled, uneliminated
-from rungwise.contact.prepare.units import settle
+from rungwise.contact.prepare.units import compressed
 from rungwise.contact.problem import Array, Problem, vector
+from rungwise.contact.search import search
 from rungwise.contact.solution import Attempt, ContactSolution, Status
-from rungwise.contact.solvers import (
-    branching,
-    gauss_seidel,
-    homotopy,
-    interior_point,
-    pivoting,
-    proximal_point,
-    step,
-)
-from rungwise.contact.solvers.measure import natural
-from rungwise.contact.solvers.newton import newton
-from rungwise.contact.solvers.polish.exact import exact
-from rungwise.contact.solvers.polish.refine import SMALL, rate_error, refined, sharpened
-from rungwise.contact.solvers.polish.rest import rested
-from rungwise.contact.solvers.polish.settled import calmed, clip
-from rungwise.contact.solvers.small import MARGIN, try_at_once
-from rungwise.contact.solvers.work import Work, allowed
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 
-SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy, proximal_point)
-"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
 """The default `tol` of `Residuals.worst`, without unit: some seven decades above the rounding of double
 precision, as room for ill-conditioned problems."""
-_ROUNDS, _STEPS, _FINEST = 5, 5, 1e-16
-"""Rounds that find the modes of an exact answer; Newton steps of settled forces; the residual, about one
-rounding of double precision, asked of last steps. The first two are chosen by trial."""
+MARGIN = 0.1
+"""The part of the tolerance that the search asks for: its own measure is not the judge's."""
+LIMIT, SLIGHT, SQUARE = 1e11, 1e9, 1e4
+"""Multiplications that one call may make at most; and those that it may for any problem and for each pair of
+its unknowns."""
+_ROUNDS = 5
+"""Rounds that find the modes of an exact answer."""
 _FAINT = 2.0**-40, 2.0**-32, 2.0**-24
 """Shares of the largest unknown, in magnitudes, below which an unknown may be rounding that the condition of
 the rows has made larger; tried in turn, where rows miss their own terms. Chosen by trial, to a decade."""
-_ASIDE = 0.3
-"""Share of the work that is left for the form with all unknowns, whose factors have many more entries.
-Chosen by trial."""
-_NEAR = 1e-3
-"""Residual below which patience is worth its time, without unit, as `TOLERANCE`; chosen by trial, to a
-decade."""
 
 
 @keywords
@@ -61,16 +46,15 @@ def solve(
     *,
     tol: float = TOLERANCE,
     start: Array | None = None,
-    solvers: tuple[str, ...] | None = None,
     limit: float | None = None,
 ) -> ContactSolution:
     """Solve a contact problem of any kind; see `Problem` for the kinds.
 
     The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
-    begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
-    given as assembled, is first solved as in a run. However hard a problem is, solvers do no more work than
-    `allowed` for its size, and after `limit` seconds the best answer so far is judged.
+    begins from a known x. The problem of a step, given as assembled, is first solved as in a run. However
+    hard a problem is, the solver does no more work than `allowed` for its size, and after `limit` seconds the
+    best answer so far is judged.
 
     Raises ValueError naming the argument that is wrong.
     """
@@ -78,77 +62,16 @@ def solve(
     problem = Problem.of(problem)
     if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
-    _chain(solvers)
     given = None if start is None else vector("start", start)
     if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
     with Deadline(seconds(limit)).running() as deadline:
-        return _solve(problem, assembled, tol, given, solvers, deadline)
+        return _Solve(problem, assembled, tol, deadline).from_start(given)
 
 
-def _solve(
-    problem: Problem, assembled: ContactProblem | None, tol: float, given: Array | None,
-    solvers: tuple[str, ...] | None, deadline: Deadline,
-) -> ContactSolution:  # fmt: skip
-    chain, attempts = _chain(solvers), list[Attempt]()
-    own = try_at_once(problem, given, tol) if assembled is None and solvers is None else None
-    if own is not None:
-        if own.iterations >= 0:
-            attempts.append(Attempt(own.solver, own.iterations, own.residuals.natural))
-        if own.residuals.worst <= tol:
-            answer = _Answer(own.x, own.y, own.residuals)
-            if own.misses and (given is None or attempts):
-                answer = _exact(problem, scaled(problem), answer, tol)
-            return _solved(problem, answer, tol, attempts)
-    system = scaled(problem)
-    if given is not None:
-        answer = _as_it_is(problem, system, given)
-        if _tells(problem, system, answer, tol):
-            return _solved(problem, answer, tol, [])
-    if own is not None:
-        answer = _judged(problem, system, own.x, tol)
-        if _tells(problem, system, answer, tol):
-            return _solved(problem, _exact(problem, system, answer, tol), tol, attempts)
-        attempts.clear()
-    given = np.zeros(len(problem.b)) if given is None else given
-    work = Work(allowed(len(problem.b)), deadline)
-    if assembled is not None and solvers is None and step.accepts(assembled):
-        answer = _judged(problem, system, step.solve(assembled, given, work.halt), tol)
-        attempts.append(Attempt(step.NAME, 1, answer.residual))
-    if not attempts or answer.residual > tol:
-        x, more = run_chain(chain, system, given[system.kept] / system.force, tol, work)
-        attempts += more
-        answer = _judged_scaled(problem, system, x, tol, work)
-    massless = None
-    if not work.is_halted and demands_little(problem if assembled is None else assembled, system):
-        answer = _finer(problem, system, answer, tol)
-        if not _tells(problem, system, answer, tol):
-            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
-            attempts += more
-            if massless.proof is not None and not is_kinematic(problem, massless.proof):
-                massless = massless._replace(proof=None)  # a proof counts if it is one whatever inertia is
-    if massless is not None and (massless.residual <= tol or massless.proof is not None):
-        answer = massless
-    else:
-        answer, more = _last_resort(problem, system, chain, answer, tol, work)
-        attempts += more
-        answer = _finer(problem, system, answer, tol)
-        if massless is None and problem.velocities > 0 and _is_open(answer, tol) and not work.is_low:
-            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
-            attempts += more
-            answer = answer if _is_open(massless, tol) else massless
-        elif massless is not None and system.demanded < tol and answer.residual <= tol:
-            answer = answer if _tells(problem, system, answer, tol) else massless
-    is_massless = answer is massless
-    if answer.residual <= tol and not is_massless:
-        answer = _exact(problem, system, answer, tol)
-    status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
-    if answer.residual <= tol:
-        status, answer = Status.SOLVED, answer._replace(proof=None)
-    return ContactSolution(
-        problem, status, answer.x, answer.y, answer.residuals, tol, tuple(attempts), answer.proof,
-        is_massless, work.is_halted,
-    )  # fmt: skip
+def allowed(unknowns: int) -> float:
+    """Multiplications for a problem of so many unknowns."""
+    return min(SLIGHT + SQUARE * float(unknowns) ** 2, LIMIT)
 
 
 class _Answer(NamedTuple):
@@ -164,116 +87,176 @@ class _Answer(NamedTuple):
         return self.residuals.worst
 
 
-def _solved(problem: Problem, answer: _Answer, tol: float, attempts: list[Attempt]) -> ContactSolution:
-    return ContactSolution(problem, Status.SOLVED, answer.x, answer.y, answer.residuals, tol, tuple(attempts))
+class _Solve:
+    """One call: the problem, and what was tried."""
 
+    def __init__(
+        self, problem: Problem, assembled: ContactProblem | None, tol: float, deadline: Deadline
+    ) -> None:
+        self.problem, self.assembled, self.tol, self.deadline = problem, assembled, tol, deadline
+        self.system, self.attempts = scaled(problem), list[Attempt]()
+        self.work = np.array([allowed(len(problem.b))])
 
-def _as_it_is(problem: Problem, system: System, x: Array) -> _Answer:
-    residuals, y = judged(problem, system, x)
-    return _Answer(x, y, residuals)
+    def from_start(self, given: Array | None) -> ContactSolution:
+        """The solution found from a known x (N,), or from nothing."""
+        if given is not None:
+            answer = self._as_it_is(given)
+            if self._tells(answer):
+                return self._solution(answer)
+        start = np.zeros(len(self.problem.b)) if given is None else given
+        answer = self._by_solver(start)
+        if demands_little(self.assembled or self.problem, self.system):
+            if self._tells(answer):
+                return self._solution(answer)
+            massless = self._without_inertia(answer.x)
+            if massless.proof is not None and not is_kinematic(self.problem, massless.proof):
+                massless = massless._replace(proof=None)  # a proof counts if it is one whatever inertia is
+            if not self._is_open(massless):
+                return self._solution(massless, massless=True)
+        if not self._is_solved(answer):
+            answer = self._by_search(self.system, answer)
+            if self._is_open(answer) and self.problem.velocities > 0:
+                massless = self._without_inertia(answer.x)
+                if not self._is_open(massless):
+                    return self._solution(massless, massless=True)
+        return self._solution(answer)
 
+    def _solution(self, answer: _Answer, massless: bool = False) -> ContactSolution:
+        status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
+        if self._is_solved(answer):
+            answer = answer if massless else self._exact(answer)
+            status, answer = Status.SOLVED, answer._replace(proof=None)
+        return ContactSolution(
+            self.problem, status, answer.x, answer.y, answer.residuals, self.tol, tuple(self.attempts),
+            answer.proof, massless, self.deadline.is_over,
+        )  # fmt: skip
 
-def _clipped(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
-    """The answer x within its limits; without what is rounding, where rows hold better so."""
-    clip(x := x.copy(), problem.laws)
-    answer = _as_it_is(problem, system, x)
-    if not (missed := misses(problem, x, answer.y)) > tol:
+    def _is_solved(self, answer: _Answer) -> bool:
+        return answer.residual <= self.tol
+
+    def _is_open(self, answer: _Answer) -> bool:
+        return answer.proof is None and not self._is_solved(answer)
+
+    def _tells(self, answer: _Answer) -> bool:
+        """Whether the residual says something of the rates of the answer, beside the rates without forces."""
+        return self._is_solved(answer) and rate_error(self.problem, self.system, answer.x) <= self.tol
+
+    def _as_it_is(self, x: Array) -> _Answer:
+        residuals, y = judged(self.problem, self.system, x)
+        return _Answer(x, y, residuals)
+
+    def _judged(self, x: Array) -> _Answer:
+        """The answer x within its limits; made exact, or balanced, where it is not within the tolerance."""
+        answer = self._clipped(x)
+        if not self._is_solved(answer):
+            answer = self._exact(answer)
+        if not self._is_solved(answer) and (other := balanced(self.problem, answer.x)) is not answer.x:
+            answer = self._better(answer, self._as_it_is(other))
         return answer
-    calmer = _as_it_is(problem, system, calmed(problem, x))
-    better = misses(problem, calmer.x, calmer.y) < missed or answer.residual > tol
-    return calmer if better and calmer.residual <= max(tol, answer.residual) else answer
 
-
-def _exact(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
-    """The answer made exact where rows miss their own terms by more than `tol`; or the answer. Bodies at rest
-    are left as they are: what moves them is rounding."""
-    if answer.residual <= tol and not is_plain(problem.rows, problem.velocities):
-        return answer
-    if not (missed := misses(problem, answer.x, answer.y)) > tol:
-        return answer
-    trial = answer.x
-    for _ in range(_ROUNDS):
-        trial = exact(problem, trial)
-        found = _clipped(problem, system, trial, tol)
-        least = misses(problem, found.x, found.y)
-        if (least < missed or answer.residual > tol) and found.residual <= max(tol, answer.residual):
-            answer, missed = found, least
-        if missed <= tol:
+    def _clipped(self, x: Array) -> _Answer:
+        """The answer x within its limits; without what is rounding, where rows hold better so."""
+        clip(x := x.copy(), self.problem.laws)
+        answer = self._as_it_is(x)
+        if not (missed := self._misses(answer)) > self.tol:
             return answer
-    for share in _FAINT:
-        found = _clipped(problem, system, calmed(problem, answer.x, share), tol)
-        if found.residual <= tol and misses(problem, found.x, found.y) <= tol:
-            return found
-    return answer
+        calmer = self._as_it_is(calmed(self.problem, x))
+        better = self._misses(calmer) < missed or not self._is_solved(answer)
+        return calmer if better and calmer.residual <= max(self.tol, answer.residual) else answer
 
+    def _misses(self, answer: _Answer) -> float:
+        return misses(self.problem, answer.x, answer.y)
 
-def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
-    """The answer x; or, where x is not within `tol`, the answer sharpened in the rows as they were given."""
-    answer = _clipped(problem, system, x, tol)
-    if answer.residual > tol and (sharp := sharpened(problem, answer.x)) is not answer.x:
-        other = _clipped(problem, system, sharp, tol)
-        answer = other if other.residual < answer.residual else answer
-    return _exact(problem, system, answer, tol) if answer.residual > tol else answer
-
-
-def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
-    """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
-    answer = _clipped(problem, system, system.recover(x * system.force), tol)
-    if work.is_halted:
+    def _exact(self, answer: _Answer) -> _Answer:
+        """The answer made exact where rows miss their own terms by more than the tolerance; or the answer.
+        Bodies at rest are left as they are: what moves them is rounding."""
+        if self._is_solved(answer) and not is_plain(self.problem.rows, self.problem.velocities):
+            return answer
+        if not (missed := self._misses(answer)) > self.tol:
+            return answer
+        trial = answer.x
+        for _ in range(_ROUNDS):
+            trial = exact(self.problem, trial)
+            found = self._clipped(trial)
+            least = self._misses(found)
+            if (least < missed or not self._is_solved(answer)) and found.residual <= max(
+                self.tol, answer.residual
+            ):
+                answer, missed = found, least
+            if missed <= self.tol:
+                return answer
+        for share in _FAINT:
+            found = self._clipped(calmed(self.problem, answer.x, share))
+            if self._is_solved(found) and self._misses(found) <= self.tol:
+                return found
         return answer
-    if answer.residual > tol and natural(system, x) <= tol:
-        exact, _ = newton.finish(system, newton.form(system), x, _FINEST, work)
-        other = _clipped(problem, system, system.recover(exact * system.force), tol)
-        answer = other if other.residual < answer.residual else answer
-    if answer.residual > tol:
-        answer = _judged(problem, system, answer.x, tol)
-    if answer.residual > tol and not problem.free.any() and natural(system, x) <= tol:
-        settled = x.copy()
-        for _ in range(2):
-            settle(settled, system.rows, system.lower, system.upper, tol)
-            finer, _ = newton.descend(
-                system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS, work
-            )
-            settled = finer.copy()
-        other = _judged(problem, system, system.recover(settled * system.force), tol)
-        answer = other if other.residual < answer.residual else answer
-    if answer.residual > tol and (rest := rested(problem, answer.x)) is not answer.x:
-        other = _as_it_is(problem, system, rest)
-        answer = other if other.residual <= tol else answer
-    return answer
 
-
-def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
-    """The answer with its rates refined, where the refined answer is within `tol` too."""
-    if answer.residual > tol:
+    def _by_solver(self, start: Array) -> _Answer:
+        """The answer of the contact solver: of a step as in a run; in what is left after elimination; in all
+        unknowns; and without contacts in units in which entries are near to one."""
+        answer = self._as_it_is(start)
+        if self.assembled is not None and accepts(self.assembled):
+            x = solve_assembled(self.assembled, start, self.deadline.halt)
+            answer = self._better(answer, self._judged(x))
+            self.attempts.append(Attempt("solver", 1, answer.residual))
+        if not self._is_solved(answer):
+            answer = self._better(answer, self._balanced(start))
+        if not self._is_solved(answer):
+            answer = self._better(answer, self._run(self.system, start))
+        if not self._is_solved(answer) and len(self.system.kept) < len(self.problem.b):
+            answer = self._better(answer, self._run(uneliminated(self.problem), start))
+        if not self._is_solved(answer) and is_plain(self.problem.rows, self.problem.velocities):
+            again, unit = in_even_units(self.problem)
+            even = scaled(again)
+            x = np.zeros(even.size)
+            self._iterate(even, x)
+            answer = self._better(answer, self._judged(unit * even.recover(x * even.force)))
         return answer
-    finer = refined(problem, system, answer.x, tol)
-    if finer is answer.x:
+
+    def _balanced(self, start: Array) -> _Answer:
+        """The answer of the solver where velocities and forces are in balance; else the start."""
+        p, x = self.problem, start.copy()
+        rows = compressed(p.A)
+        if not is_balance(rows, p.laws, p.velocities):
+            return self._as_it_is(start)
+        quantum = 0.0 if self.assembled is None else float(self.assembled.quantum[0])
+        columns, count = compressed(sp.csr_array(p.A.T)), np.zeros(4, np.int64)
+        solve_grouped(
+            rows, columns, p.b, p.laws, p.velocities, quantum, x, self.work, self.deadline.halt, count
+        )
+        answer = self._judged(x)
+        self.attempts.append(Attempt("solver", int(count[0]), answer.residual))
         return answer
-    better = _as_it_is(problem, system, finer)
-    return better if better.residual <= tol else answer
 
+    def _better(self, answer: _Answer, other: _Answer) -> _Answer:
+        return other if other.residual < answer.residual else answer
 
-def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> bool:
-    """Whether the residual says something of the rates of the answer, beside the rates without forces."""
-    return answer.residual <= tol and rate_error(problem, system, answer.x) <= tol
+    def _run(self, system: System, start: Array) -> _Answer:
+        """The answer of the solver in a system, from `start` (N,)."""
+        x = start[system.kept] / system.force
+        self._iterate(system, x)
+        return self._judged(system.recover(x * system.force))
 
+    def _iterate(self, system: System, x: Array) -> None:
+        """Solve from scaled x, into it."""
+        count, A = np.zeros(4, np.int64), system.form.entries
+        solve_grouped(A, A, system.b, system.laws, 0, 0.0, x, self.work, self.deadline.halt, count)
+        self.attempts.append(Attempt("solver", int(count[0]), natural(system, x)))
 
-def _without_inertia(
-    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
-) -> tuple[_Answer, list[Attempt]]:
-    """The answer in which the demanded rates decide, or a proof."""
-    system = scaled(problem, massless=True)
-    own, attempts = run_chain(chain, system, x / system.force, tol, work)
-    answer = _judged_scaled(problem, system, own, tol, work)
-    if answer.residual > tol:
-        answer, attempt = _branched(problem, system, answer.x, tol, work)
-        attempts.append(attempt)
-    return answer, attempts
+    def _by_search(self, system: System, answer: _Answer) -> _Answer:
+        """The answer that the search over modes finds, or the answer with a proof that there is none."""
+        start = answer.x[system.kept] / system.force
+        found = search(system, start, MARGIN * self.tol, self.work, self.deadline)
+        self.attempts.append(Attempt("search", found.nodes, found.residual))
+        other = self._better(answer, self._judged(system.recover(found.x * system.force)))
+        proved = found.proof is not None and proves(self.problem, system, found.proof)
+        return other._replace(proof=found.proof) if proved else other
 
-
-def _is_open(answer: _Answer, tol: float) -> bool:
-    return answer.residual > tol and answer.proof is None
+    def _without_inertia(self, x: Array) -> _Answer:
+        """The answer in which the demanded rates decide, or a proof."""
+        system = scaled(self.problem, massless=True)
+        answer = self._run(system, x)
+        return answer if self._is_solved(answer) else self._by_search(system, answer)
 
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
@@ -288,83 +271,3 @@ def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
     """Whether a proof of the massless system weighs no balance of forces, and so holds for any inertia."""
     balance = slice(problem.rows, problem.rows + problem.velocities)
     return not any(p[balance].any() for p in proof.vectors)
-
-
-def _last_resort(
-    problem: Problem,
-    system: System,
-    chain: tuple[ModuleType, ...],
-    answer: _Answer,
-    tol: float,
-    work: Work,
-) -> tuple[_Answer, list[Attempt]]:
-    """The answer after other units, branching, and all unknowns, where it was not within `tol`."""
-    attempts: list[Attempt] = []
-    if answer.residual > tol and is_plain(problem.rows, problem.velocities) and not work.is_low:
-        answer, attempts = _in_other_units(problem, system, answer, chain, tol, work)
-    if answer.residual > tol and not work.is_halted:
-        answer, attempt = _branched(problem, system, answer.x, tol, work)
-        attempts.append(attempt)
-    open_end = answer.residual > tol and answer.proof is None and not work.is_low
-    if open_end and len(system.kept) < len(problem.b):
-        whole, more = _in_all_unknowns(problem, system, chain, answer.x, tol, work)
-        attempts += more
-        if whole.residual < answer.residual:
-            answer = whole
-    if open_end and tol < answer.residual < _NEAR and not work.is_halted:
-        patient, attempt = _patiently(problem, system, answer.x, tol, work)
-        attempts.append(attempt)
-        if patient.residual < answer.residual:
-            answer = patient
-    return answer, attempts
-
-
-def _in_all_unknowns(
-    problem: Problem, system: System, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
-) -> tuple[_Answer, list[Attempt]]:
-    """The chain's answer where nothing is eliminated: beside a light body, the rates of a heavy one are lost
-    in the sums of the condensed form."""
-    whole = uneliminated(problem)
-    own, attempts = run_chain(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
-    work.spend(_ASIDE * work.left - part.left)
-    answer = _judged(problem, system, whole.recover(own * whole.force), tol)
-    if answer.residual > tol and natural(whole, own) <= tol:
-        own, _ = newton.finish(whole, newton.form(whole), own, _FINEST, work)
-        answer = _judged(problem, system, whole.recover(own * whole.force), tol)
-    return answer, attempts
-
-
-def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
-    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, MARGIN * tol, work)
-    attempt = Attempt(proximal_point.NAME, done, natural(system, own))
-    return _judged(problem, system, system.recover(own * system.force), tol), attempt
-
-
-def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
-    found = branching.search(system, x[system.kept] / system.force, MARGIN * tol, work)
-    answer = _judged_scaled(problem, system, found.x, tol, work)
-    if found.proof is not None and proves(problem, system, found.proof):
-        answer = answer._replace(proof=found.proof)
-    return answer, Attempt(branching.NAME, found.nodes, found.residual)
-
-
-def _in_other_units(
-    problem: Problem, system: System, answer: _Answer, chain: tuple[ModuleType, ...], tol: float, work: Work
-) -> tuple[_Answer, list[Attempt]]:
-    """The answer, or a better one, found in units in which entries are as near to one as they can be."""
-    again, unit = in_even_units(problem)
-    even = scaled(again)
-    own, attempts = run_chain(chain, even, np.zeros(even.size), tol, work)
-    x = unit * _judged_scaled(again, even, own, tol, work).x
-    other = _judged(problem, system, x, tol)
-    return (other if other.residual < answer.residual else answer), attempts
-
-
-def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
-    known = {module.NAME: module for module in SOLVERS}
-    if names is not None and not isinstance(names, tuple | list):
-        raise ValueError(f"solvers: must be a tuple of names, not {names!r}")
-    for name in names or ():
-        if not isinstance(name, str) or name not in known:
-            raise ValueError(f"solvers: {name!r} is none of {', '.join(known)}")
-    return SOLVERS if names is None else tuple(known[name] for name in names)

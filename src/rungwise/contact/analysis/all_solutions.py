@@ -1,6 +1,6 @@
 """All solutions of a problem with few contacts, and the motions they allow.
 
-Branch and bound over contact modes, as in `solvers.branching`, to the end: a mode is held by a piece known
+Branch and bound over contact modes, as in `search`, to the end: a mode is held by a piece known
 before, excluded by a Farkas vector or divided, and a mode that divides no further is measured. All linear
 programs are solved by HiGHS, through scipy; their results count only if `pieces`, `farkas` and `monotone`,
 which know no solver, agree.
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.contact import search
 from rungwise.contact.analysis.monotone import Demands, demands, is_monotone, widest
 from rungwise.contact.analysis.pieces import (
     Kind,
@@ -30,12 +31,11 @@ from rungwise.contact.analysis.pieces import (
     same,
 )
 from rungwise.contact.judge.farkas import Mode, excludes, excludes_given, hull
+from rungwise.contact.measure import SMALL, rate_terms
 from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.problem import Array, Problem
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import demands_little, is_kinematic, solve
-from rungwise.contact.solvers import branching
-from rungwise.contact.solvers.polish.refine import SMALL, rate_terms
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.keywords import keywords
@@ -103,11 +103,11 @@ def _all(
         if point is not None:
             held.append((mode, point))
             continue
-        p, x = branching.separate(system, mode, branching.until(deadline)) if system.size else (None, None)
+        p, x = search.separate(system, mode, search.until(deadline)) if system.size else (None, None)
         if p is not None and excludes(system, mode, p) and excludes_given(problem, system, mode, p):
             excluded.append((mode, p))
             continue
-        parts = branching.divide(system, mode, np.zeros(system.size) if x is None else x, law)
+        parts = search.divide(system, mode, np.zeros(system.size) if x is None else x, law)
         waiting += parts
         if not parts:
             piece = _measure(problem, system, motion, mode, deadline)
@@ -118,7 +118,7 @@ def _all(
     undecided += waiting
     kind = classify(motion, leaves, len(undecided))
     pieces, covered = _merge(system, leaves, deadline)
-    proof = branching.proof(system, excluded) if kind == Kind.NONE else None
+    proof = search.proof(system, excluded) if kind == Kind.NONE else None
     return Solutions(
         problem, kind, pieces, covered, tuple(excluded), tuple(held), proof, tuple(undecided), done
     )
@@ -280,7 +280,7 @@ def _program(
         e if len(e) else None,
         bounds=bounds,
         method="highs",
-        options=branching.until(deadline),
+        options=search.until(deadline),
     )
 
 
@@ -358,7 +358,7 @@ def _within(piece: Piece, shape: Polyhedron, other: Piece, whole: Polyhedron, de
         return True
     rows = np.vstack([whole.E, -whole.E, whole.G])
     right = np.concatenate([whole.e, -whole.e, whole.g])
-    room = branching.ROUNDING * (1.0 + float(np.abs(piece.point).max()))
+    room = search.ROUNDING * (1.0 + float(np.abs(piece.point).max()))
     try:
         return all(
             _least(shape, row, deadline) >= bound - room for row, bound in zip(rows, right, strict=True)

@@ -1,6 +1,9 @@
 """A problem as the solver sees it: a balance of forces and groups of rows, each of one kind.
 
-    H v - W^T x = c,        y = W v + R x + w,        x = P(x - y) group by group
+    H v - C^T x = c,        y = W v + R x + w,        x = P(x - y) group by group
+
+C is W, but for problems whose rates are not those of what their forces move: an LCP, a circuit, a Delassus
+form.
 
 Velocities and forces are counted in units that are powers of two, so that counting rounds nothing: in them H
 has a diagonal of about one, each group yields by about one, and the greatest load or demanded rate is one.
@@ -11,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solver.kinds import ball, free, interval, is_cone
+from rungwise.contact.solver.kinds import ball, free, interval, is_cone, restricts_rates
 from rungwise.contact.step.problem import ContactProblem, Sizes
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -22,7 +25,7 @@ _ROOT = math.sqrt(0.5)
 
 class Counts(NamedTuple):
     """How many velocities, groups and rows there are, entries of H, velocities that groups touch, entries
-    of W, and rows of a group at most."""
+    of W, rows of a group at most, and entries of C where it is not W."""
 
     n: int
     groups: int
@@ -31,6 +34,7 @@ class Counts(NamedTuple):
     touched: int
     entries: int
     d: int
+    apart: int = 0
 
 
 class Groups(NamedTuple):
@@ -38,8 +42,8 @@ class Groups(NamedTuple):
 
     H_first (n + 1,), H_column, H: the matrix H, row by row; diagonal (n,) of H; c (n,); kind (g,); law (g,
     LAW); row (g + 1,): where the rows of groups begin; first (g + 1,): where the velocities begin in
-    `column` that a group touches; entry (g + 1,): where its part of W begins, row by row; R (g, d, d); w
-    (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force and
+    `column` that a group touches; entry (g + 1,): where its part of W and of C begins, row by row; R (g, d,
+    d); w (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force and
     rate (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the
     problem that is rounding.
     """
@@ -56,6 +60,7 @@ class Groups(NamedTuple):
     column: Ints
     entry: Ints
     W: Reals
+    C: Reals
     R: Reals
     w: Reals
     origin: Ints
@@ -68,7 +73,7 @@ class Groups(NamedTuple):
 @inner_kernel
 def reals_of(k: Counts) -> int:
     """Numbers that `groups_in` takes its parts from."""
-    return k.filled + 3 * k.n + k.groups * (LAW + k.d * k.d) + k.entries + 3 * k.rows + 1
+    return k.filled + 3 * k.n + k.groups * (LAW + k.d * k.d) + k.entries + k.apart + 3 * k.rows + 1
 
 
 @inner_kernel
@@ -94,10 +99,11 @@ def groups_in(reals: Reals, integers: Ints, k: Counts) -> Groups:
     law, r = r[: LAW * groups].reshape(groups, LAW), r[LAW * groups :]
     R, r = r[: groups * d * d].reshape(groups, d, d), r[groups * d * d :]
     W, r = r[: k.entries], r[k.entries :]
+    C, r = (r[: k.apart], r[k.apart :]) if k.apart > 0 else (W, r)
     w, force, rate, noise = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows : 3 * rows + 1]
     return Groups(
-        H_first, H_column, H, diagonal, c, kind, law, row, first, column, entry, W, R, w, origin, unit, force,
-        rate, noise,
+        H_first, H_column, H, diagonal, c, kind, law, row, first, column, entry, W, C, R, w, origin, unit,
+        force, rate, noise,
     )  # fmt: skip
 
 
@@ -126,7 +132,7 @@ def count_groups(p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, 
         for j in range(n):
             width += 1 if _joins(p.S, surface, r, size, j) else 0
         touched, entries = touched + width, entries + size * width
-    return Counts(n, groups, d * contacts + limited, filled, touched, entries, most)
+    return Counts(n, groups, d * contacts + limited, filled, touched, entries, most, 0)
 
 
 @kernel
@@ -279,11 +285,12 @@ def count_in_units(g: Groups) -> None:
         for i in range(d):
             total += g.R[k, i, i]
             for e in range(width):
-                total += (g.W[at] * g.unit[g.column[g.first[k] + e]]) ** 2
+                total += abs(g.W[at] * g.C[at]) * g.unit[g.column[g.first[k] + e]] ** 2
                 at += 1
         force = power_of_two(1.0 / math.sqrt(total / d)) if total > 0.0 else 1.0
+        asked = force if restricts_rates(g.kind[k], g.law[k]) else 0.0
         for i in range(g.row[k], g.row[k + 1]):
-            greatest = max(greatest, abs(g.w[i]) * force)
+            greatest = max(greatest, abs(g.w[i]) * asked)
             g.force[i] *= force
     size = power_of_two(greatest)
     for i in range(n):
@@ -296,7 +303,9 @@ def count_in_units(g: Groups) -> None:
         for i in range(first, g.row[k + 1]):
             g.w[i] *= force / size
             for e in range(g.first[k], g.first[k + 1]):
-                g.W[at] *= force * g.unit[g.column[e]]
+                here, there = g.W[at], g.C[at]  # which may be the same place
+                g.W[at] = here * (force * g.unit[g.column[e]])
+                g.C[at] = there * (force * g.unit[g.column[e]])
                 at += 1
             for j in range(g.row[k + 1] - first):
                 g.R[k, i - first, j] *= force * force

@@ -52,7 +52,7 @@ def _join(root: Ints, i: int, j: int) -> None:
 
 
 @kernel
-def count_island(g: Groups, d: int, label: Ints, which: int, place: Ints, own: Ints) -> Counts:
+def count_island(g: Groups, whole: Counts, label: Ints, which: int, place: Ints, own: Ints) -> Counts:
     """What `fill_island` will need room for. Writes the velocities of the island into own (n,), and where
     they are there into place (n,)."""
     n, count, groups, rows, filled, touched, entries = len(g.c), 0, 0, 0, 0, 0, 0
@@ -67,7 +67,8 @@ def count_island(g: Groups, d: int, label: Ints, which: int, place: Ints, own: I
             rows += g.row[k + 1] - g.row[k]
             touched += g.first[k + 1] - g.first[k]
             entries += g.entry[k + 1] - g.entry[k]
-    return Counts(count, groups, rows, filled, touched, entries, d)
+    apart = entries if whole.apart > 0 else 0
+    return Counts(count, groups, rows, filled, touched, entries, whole.d, apart)
 
 
 @kernel
@@ -95,6 +96,7 @@ def fill_island(g: Groups, label: Ints, which: int, place: Ints, own: Ints, part
             part.column[part.first[m] + e] = place[g.column[g.first[k] + e]]
         for e in range(size * width):
             part.W[part.entry[m] + e] = g.W[g.entry[k] + e]
+            part.C[part.entry[m] + e] = g.C[g.entry[k] + e]
         for i in range(size):
             part.w[row + i], part.origin[row + i] = g.w[g.row[k] + i], g.origin[g.row[k] + i]
             part.force[row + i] = g.force[g.row[k] + i]

@@ -1,9 +1,9 @@
 """Newton's method on the natural map, within a step of the proximal point method.
 
-    F = x - P(x - pace (y + weight / pace (x - x_c)))      G = H v + weight hold (v - v_c) - W^T x - c
+    F = x - P(x - pace (y + weight / pace (x - x_c)))      G = H v + weight hold (v - v_c) - C^T x - c
 
 Each step eliminates the forces group by group, dx = -M^-1 (F + pace S W dv) with M = 1 - S + S (pace R +
-weight) and S the slope of P, and solves (H + weight hold + W^T E W) dv = -G - W^T M^-1 F, E = M^-1 pace S.
+weight) and S the slope of P, and solves (H + weight hold + C^T E W) dv = -G - C^T M^-1 F, E = M^-1 pace S.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from rungwise.contact.block_factors import substitute as substitute_blocks
 from rungwise.contact.least_degree import Pattern
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solver.groups import Counts, Groups
-from rungwise.contact.solver.kinds import natural_map
-from rungwise.contact.solver.settings import WIDE
+from rungwise.contact.solver.kinds import natural_map, smooth_map
+from rungwise.contact.solver.settings import CYCLE, WIDE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 
@@ -112,9 +112,22 @@ def plan_blocks(integers: Ints, k: Counts) -> Factors:
     return plan(Pattern(H_first, H_column, first, column))
 
 
+@inner_kernel
+def multiplications(blocks: Factors, n: int) -> float:
+    """What the factors of a matrix of n velocities take, roughly, dense or by blocks."""
+    if n < WIDE:
+        return float(n) ** 3 / 3.0 + 1.0
+    total = 1.0
+    for p in range(len(blocks.size)):
+        total += 54.0 * float(blocks.start[p + 1] - blocks.start[p] + 1) ** 2
+    return total
+
+
 @kernel
-def evaluate(g: Groups, weight: float, x: Reals, v: Reals, xc: Reals, vc: Reals, room: Room) -> float:
-    """Fill the map and its slopes; returns the square of its size."""
+def evaluate(
+    g: Groups, weight: float, smooth: float, x: Reals, v: Reals, xc: Reals, vc: Reals, room: Room
+) -> float:
+    """Fill the map and its slopes, smoothed to about the force `smooth`; returns the square of its size."""
     F, G, y, S, a, b, pace = room.F, room.G, room.y, room.S, room.a, room.b, room.pace
     total = 0.0
     for i in range(len(v)):
@@ -129,13 +142,16 @@ def evaluate(g: Groups, weight: float, x: Reals, v: Reals, xc: Reals, vc: Reals,
             own = g.w[first + i] + weight / pace[k] * (force - xc[first + i])
             for e in range(low, high):
                 own += g.W[at] * v[g.column[e]]
-                G[g.column[e]] -= g.W[at] * force
+                G[g.column[e]] -= g.C[at] * force
                 at += 1
             for j in range(d):
                 own += g.R[k, i, j] * x[first + j]
             y[first + i] = own
             a[i], b[i] = force, pace[k] * own
-        room.mode[k] = natural_map(g.kind[k], g.law[k], d, a, b, F[first:], S[k])
+        if smooth > 0.0:
+            smooth_map(g.kind[k], g.law[k], d, a, b, smooth, F[first:], S[k])
+        else:
+            room.mode[k] = natural_map(g.kind[k], g.law[k], d, a, b, F[first:], S[k])
         for i in range(d):
             total += F[first + i] * F[first + i]
     for i in range(len(v)):
@@ -155,7 +171,7 @@ def find_step(g: Groups, weight: float, room: Room) -> bool:
         at = g.entry[k]
         for r in range(g.row[k], g.row[k + 1]):
             for e in range(g.first[k], g.first[k + 1]):
-                dv[g.column[e]] -= g.W[at] * solved[r]
+                dv[g.column[e]] -= g.C[at] * solved[r]
                 at += 1
     if n >= WIDE:
         if not _assemble_blocks(g, weight, room):
@@ -236,7 +252,7 @@ def _pushes(E: Reals, d: int) -> bool:
 
 @kernel
 def _assemble(g: Groups, weight: float, room: Room) -> None:
-    """Fill the matrix H + weight hold + W^T E W."""
+    """Fill the matrix H + weight hold + C^T E W."""
     n, K, E, a = len(g.c), room.matrix, room.E, room.a
     for i in range(n):
         for j in range(n):
@@ -249,12 +265,13 @@ def _assemble(g: Groups, weight: float, room: Room) -> None:
         if not _pushes(E[k], d):
             continue
         W = g.W[g.entry[k] : g.entry[k + 1]].reshape(d, width)
+        C = g.C[g.entry[k] : g.entry[k + 1]].reshape(d, width)
         for i in range(width):
             pushes = False
             for q in range(d):
                 own = 0.0
                 for j in range(d):
-                    own += W[j, i] * E[k, j, q]
+                    own += C[j, i] * E[k, j, q]
                 a[q], pushes = own, pushes or own != 0.0
             if pushes:
                 row = K[g.column[low + i]]
@@ -278,14 +295,16 @@ def _assemble_blocks(g: Groups, weight: float, room: Room) -> bool:
         d, low, width = g.row[k + 1] - g.row[k], g.first[k], g.first[k + 1] - g.first[k]
         if _pushes(room.E[k], d):
             W = g.W[g.entry[k] : g.entry[k + 1]].reshape(d, width)
-            add_product(blocks, g.column[low : low + width], 0, room.E[k, :d, :d], W, room.push)
-    return factorise_blocks(blocks, False)
+            C = g.C[g.entry[k] : g.entry[k + 1]].reshape(d, width)
+            add_product(blocks, g.column[low : low + width], C, room.E[k, :d, :d], W, room.push)
+    return factorise_blocks(blocks)
 
 
 @kernel
 def descend(
     g: Groups,
     weight: float,
+    smooth: float,
     lengths: int,
     most: int,
     goal: float,
@@ -294,13 +313,17 @@ def descend(
     xc: Reals,
     vc: Reals,
     room: Room,
+    halt: Ints,
     count: Ints,
 ) -> float:
     """Take at most so many Newton steps, each of the first of so many lengths, halved one by one, that lets
-    the map fall (whole steps, if one), until its size is within `goal`. Returns the size."""
-    size = evaluate(g, weight, x, v, xc, vc, room)
+    the map fall (whole steps, if one), until its size is within `goal`, or falls no more, or halt (1,)
+    is set. Returns the
+    size; count[0] counts the steps."""
+    size = evaluate(g, weight, smooth, x, v, xc, vc, room)
+    least, since = size, 0
     for step in range(most):
-        if size == 0.0 or (step > 0 and not size > goal * goal):
+        if size == 0.0 or (step > 0 and not size > goal * goal) or halt[0] != 0 or since == CYCLE:
             break
         count[0] += 1
         if not find_step(g, weight, room):
@@ -308,7 +331,7 @@ def descend(
         length, best, chosen, newer = 1.0, math.inf, 0.0, math.inf
         for _ in range(lengths):
             _move(x, v, length, room)
-            newer = evaluate(g, weight, room.xt, room.vt, xc, vc, room)
+            newer = evaluate(g, weight, smooth, room.xt, room.vt, xc, vc, room)
             if newer < best:
                 best, chosen = newer, length
             if newer <= (1.0 - 1e-4 * length) * size:
@@ -320,12 +343,14 @@ def descend(
             return math.sqrt(size)
         if chosen != length:
             _move(x, v, chosen, room)
-            newer = evaluate(g, weight, room.xt, room.vt, xc, vc, room)
+            newer = evaluate(g, weight, smooth, room.xt, room.vt, xc, vc, room)
         for r in range(len(x)):
             x[r] = room.xt[r]
         for i in range(len(v)):
             v[i] = room.vt[i]
-        size = newer
+        size, since = newer, since + 1
+        if size < least:
+            least, since = size, 0
     return math.sqrt(size)
 
 

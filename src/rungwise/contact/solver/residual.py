@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import free, is_cone, violation
+from rungwise.contact.solver.kinds import free, is_cone, restricts_rates, violation
 from rungwise.kernel import Reals, kernel
 
 FLOOR = 1e-6
@@ -49,11 +49,12 @@ def residual(
         G[i], lever[i] = total, 0.0
     for k in range(len(g.kind)):
         first, end, at, low, high = g.row[k], g.row[k + 1], g.entry[k], g.first[k], g.first[k + 1]
+        asked = 1.0 if restricts_rates(g.kind[k], g.law[k]) else 0.0
         for r in range(first, end):
             own, total, greatest, yielded = x[r], g.w[r], abs(g.w[r]), 0.0
             for e in range(low, high):
-                i, part = g.column[e], g.W[at]
-                term = part * v[i]
+                i, part = g.column[e], g.C[at]
+                term = g.W[at] * v[i]
                 total += term
                 greatest = max(greatest, abs(term))
                 G[i] -= part * own
@@ -63,8 +64,8 @@ def residual(
                 yielded += g.R[k, r - first, q - first] * x[q]
             y[r] = total + yielded
             forces = max(forces, abs(own) * g.force[r])
-            rates = max(rates, max(greatest, abs(yielded)) * g.rate[r])
-            demanded = max(demanded, abs(g.w[r]) * g.rate[r])
+            rates = max(rates, asked * max(greatest, abs(yielded)) * g.rate[r])
+            demanded = max(demanded, asked * abs(g.w[r]) * g.rate[r])
     at_rest = rates
     if g.noise[0] == 0.0 or demanded <= DEMANDED * g.noise[0]:
         most = GROWN * called(g)
@@ -103,7 +104,7 @@ def called(g: Groups) -> float:
         greatest = max(greatest, abs(g.c[i]))
     for k in range(len(g.kind)):
         first = g.row[k]
-        for r in range(first, g.row[k + 1]):
+        for r in range(first, g.row[k + 1] if restricts_rates(g.kind[k], g.law[k]) else first):
             own = g.R[k, r - first, r - first]
             rate = max(abs(g.w[r]), g.noise[0] / g.rate[r])
             greatest = max(greatest, rate / min(own, 1.0) if own > 0.0 else rate)
@@ -119,7 +120,7 @@ def _rest(g: Groups, k: int, rates: float, forces: float) -> float:
     speed, at, first = 0.0, g.entry[k], g.row[k]
     per = g.rate[first] / g.force[first]
     for e in range(g.first[k], g.first[k + 1]):
-        push = g.W[at] * g.W[at] / g.diagonal[g.column[e]] * per * forces
+        push = g.C[at] * g.W[at] / g.diagonal[g.column[e]] * per * forces
         if rates < ROUNDING * push:
             speed = max(speed, REST * push)
         at += 1
@@ -134,7 +135,7 @@ def _at_least(g: Groups, k: int, rate: float, forces: float) -> float:
     for r in range(g.row[k], g.row[k + 1]):
         per = g.rate[r] / g.force[r]
         for e in range(g.first[k], g.first[k + 1]):
-            own = g.W[at] * g.W[at] / g.diagonal[g.column[e]] * per
+            own = g.C[at] * g.W[at] / g.diagonal[g.column[e]] * per
             if own * forces > rate:  # most forces are larger by far: no division then
                 return forces
             yields = max(yields, own)

@@ -17,7 +17,11 @@ CHANGE = 0.1
 GUESSES, STEPS, PROBLEMS, LENGTHS = 3, 20, 60, 8
 """Newton steps of the first guess, of a proximal problem, proximal problems, and lengths of a step that a
 line search tries."""
-ENDLESS = 16
+CYCLE = 6
+"""Newton steps in which the map does not fall, after which they lead nowhere."""
+NEWTON_STEPS = 10_000
+"""Newton steps at most, with all starts of all islands."""
+ENDLESS = 12
 """Proximal problems in which the residual does not fall by half, after which the solver gives up a start."""
 ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import interval
+from rungwise.contact.solver.kinds import interval, restricts_rates
 from rungwise.contact.solver.newton import Room, descend, evaluate
 from rungwise.contact.solver.residual import called, residual
 from rungwise.contact.solver.settings import (
@@ -45,7 +45,8 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 @kernel
 def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
     """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
-    when halt (1,) is set. count (3,): Newton steps, proximal problems, and starts before the last."""
+    when halt (1,) is set. count (4,): Newton steps, proximal problems, starts before the last; and
+    Newton steps at most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
     warm = False
@@ -56,25 +57,55 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
     found = measure(g, x, v, room)
     if found <= NOTHING:
         return float(found)
-    for start in range(4 if warm else 2):
-        if room.least[0] <= TOLERANCE or halt[0] != 0:
+    for start in range(4):
+        if room.least[0] <= TOLERANCE or _ends(halt, count):
             break
         count[2] = start
+        by = BY_ITERATE if start % 3 == 0 else BY_PROBLEM
         if start < 2:
             copy(room.first_x, x)
             copy(room.first_v, v)
         else:
             _clear(x)
             _clear(v)
-        _approach(g, start % 2, start == 0, x, v, room, halt, count)
+        if start >= 2:
+            _follow(g, by, x, v, room, halt, count)
+        _approach(g, by, start == 0, x, v, room, halt, count)
     copy(room.best_x, x)
     copy(room.best_v, v)
+    if room.least[0] <= TOLERANCE and _hardly_moves(g, x, v, room):
+        _clear(v)
+        found = measure(g, x, v, room)
+        if found <= NOTHING:
+            return float(found)
+        copy(room.best_v, v)
     if room.least[0] <= TOLERANCE and _calm(g, x, v, room):
         found = measure(g, x, v, room)
         if found <= max(room.least[0], ENOUGH):
             return float(found)
         copy(room.best_v, v)
     return float(room.least[0])
+
+
+@kernel
+def _hardly_moves(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
+    """Whether something moves, and nothing of it is felt in any balance of forces."""
+    measure(g, x, v, room)
+    moves = False
+    for i in range(len(v)):
+        moves |= v[i] != 0.0
+        if _resisted(g, i, v) > NOTHING * room.lever[i] * room.scale[0]:
+            return False
+    return moves
+
+
+@inner_kernel
+def _resisted(g: Groups, i: int, v: Reals) -> float:
+    """The most that velocity i does in a row of balance."""
+    most = 0.0
+    for e in range(g.H_first[i], g.H_first[i + 1]):
+        most = max(most, abs(g.H[e]))
+    return most * abs(v[i])
 
 
 @kernel
@@ -93,10 +124,7 @@ def _calm(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
                 seen[g.column[e]] = max(seen[g.column[e]], abs(g.W[at]) * g.rate[r])
                 at += 1
     for i in range(len(v)):
-        most = 0.0
-        for e in range(g.H_first[i], g.H_first[i + 1]):
-            most = max(most, abs(g.H[e]))
-        nothing = most * abs(v[i]) <= NOTHING * room.lever[i] * forces
+        nothing = _resisted(g, i, v) <= NOTHING * room.lever[i] * forces
         if v[i] != 0.0 and nothing and seen[i] * abs(v[i]) <= NOTHING * rates:
             v[i], calmed = 0.0, True
     return calmed
@@ -135,7 +163,7 @@ def _load(g: Groups, lever: Reals) -> float:
             load = max(load, g.law[k, 1] * g.force[g.row[k]])
         for r in range(g.row[k], g.row[k + 1]):
             for e in range(g.first[k], g.first[k + 1]):
-                lever[g.column[e]] = max(lever[g.column[e]], abs(g.W[at]) / g.force[r])
+                lever[g.column[e]] = max(lever[g.column[e]], abs(g.C[at]) / g.force[r])
                 at += 1
     for i in range(len(g.c)):
         if lever[i] > 0.0:
@@ -169,7 +197,7 @@ def set_pace(g: Groups, by: int, room: Room) -> None:
         for _ in range(first, g.row[k + 1]):
             for e in range(g.first[k], g.first[k + 1]):
                 i = g.column[e]
-                room.hold[i] = max(room.hold[i], room.pace[k] * g.W[at] * g.W[at])
+                room.hold[i] = max(room.hold[i], room.pace[k] * abs(g.C[at] * g.W[at]))
                 at += 1
 
 
@@ -177,8 +205,9 @@ def set_pace(g: Groups, by: int, room: Room) -> None:
 def _demanded(g: Groups, lever: Reals) -> float:
     """Force that loads and limits call for over the rates that are demanded; 0 where there is none."""
     load, rate = _load(g, lever), g.noise[0]
-    for r in range(len(g.w)):
-        rate = max(rate, abs(g.w[r]) * g.rate[r])
+    for k in range(len(g.kind)):
+        for r in range(g.row[k], g.row[k + 1] if restricts_rates(g.kind[k], g.law[k]) else g.row[k]):
+            rate = max(rate, abs(g.w[r]) * g.rate[r])
     return load / rate if load > 0.0 and rate > 0.0 else 0.0
 
 
@@ -190,10 +219,10 @@ def _approach(
     xc, vc = room.centre_x, room.centre_v
     least, weight, endless = _note(g, x, v, room), WEIGHT, 0
     set_pace(g, by, room)
-    size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
+    size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
         most = 0 if room.least[0] <= ENOUGH else ENDLESS
-        if (problem > 0 and (room.least[0] <= GOAL or endless > most)) or halt[0] != 0:
+        if (problem > 0 and (room.least[0] <= GOAL or endless > most)) or _ends(halt, count):
             break
         count[1] += 1
         guess = problem == 0 and warm
@@ -204,11 +233,13 @@ def _approach(
         copy(v, vc)
         goal = max(0.01 * min(weight, 1.0) * size, ROUNDING * max(1.0, _greatest(x)))
         enough = max(goal, 0.1 * size)
-        reached = descend(g, weight, 1, GUESSES if guess else STEPS, goal, x, v, xc, vc, room, count)
+        reached = descend(
+            g, weight, 0.0, 1, GUESSES if guess else STEPS, goal, x, v, xc, vc, room, halt, count
+        )
         if not guess and not reached <= enough:  # whole steps may cycle
             copy(xc, x)
             copy(vc, v)
-            reached = descend(g, weight, LENGTHS, STEPS, goal, x, v, xc, vc, room, count)
+            reached = descend(g, weight, 0.0, LENGTHS, STEPS, goal, x, v, xc, vc, room, halt, count)
         endless += 1
         found = _note(g, x, v, room)
         if found > ENOUGH and not reached <= enough:
@@ -229,7 +260,45 @@ def _approach(
         if by == BY_ITERATE:
             measure(g, x, v, room)
             set_pace(g, by, room)
-        size = math.sqrt(evaluate(g, 0.0, x, v, x, v, room))
+        size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
+
+
+@kernel
+def _follow(g: Groups, by: int, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> None:
+    """Follow the smoothed map from (x, v), from much to hardly any smoothing, into these."""
+    xc, vc = room.centre_x, room.centre_v
+    measure(g, x, v, room)
+    set_pace(g, by, room)
+    copy(x, xc)
+    copy(v, vc)
+    smooth, factor, last = 1.0, 0.2, 1.0
+    for step in range(80):
+        if _ends(halt, count):
+            break
+        reached = descend(g, LEAST, smooth, LENGTHS, 6, 0.1 * smooth, x, v, xc, vc, room, halt, count)
+        if reached <= smooth:
+            copy(x, xc)
+            copy(v, vc)
+            last = smooth
+            if smooth <= 1e-9:
+                break
+            smooth *= factor
+            factor = max(0.1, 0.8 * factor)
+        else:
+            copy(xc, x)
+            copy(vc, v)
+            if step == 0 or factor > 0.9:
+                if step == 0:
+                    smooth *= 10.0
+                    continue
+                break
+            factor = math.sqrt(factor)
+            smooth = last * factor
+
+
+@inner_kernel
+def _ends(halt: Ints, count: Ints) -> bool:
+    return bool(halt[0] != 0 or count[0] >= count[3])
 
 
 @inner_kernel

@@ -19,7 +19,7 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import count_island, fill_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import WIDE
+from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
 from rungwise.contact.solver.solve import BY_ITERATE, measure, set_pace, solve
 from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
@@ -48,7 +48,7 @@ def solve_groups(
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count = np.zeros(3, np.int64)
+    count = np.array([0, 0, 0, NEWTON_STEPS])
     order = np.empty(members, np.int64)
     apart = _begin(p, sizes, law, surface, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
@@ -144,7 +144,7 @@ def _cut(
     """Fill the groups of an island, and its velocities in `scratch`."""
     g, members = groups_in(reals, integers, whole), whole.n + whole.groups
     label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
-    part = count_island(g, whole.d, label, which, place, own)
+    part = count_island(g, whole, label, which, place, own)
     fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part))
     return part
 
@@ -238,7 +238,7 @@ def _give(
     """Write forces, velocities and modes as the problem counts them."""
     measure(g, x, v, room)
     set_pace(g, BY_ITERATE, room)
-    evaluate(g, 0.0, x, v, x, v, room)
+    evaluate(g, 0.0, 0.0, x, v, x, v, room)
     for r in range(len(x)):
         at = g.origin[r]
         if at < rows:

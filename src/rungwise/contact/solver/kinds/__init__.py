@@ -15,6 +15,12 @@ def is_cone(kind: int) -> bool:
 
 
 @inner_kernel
+def restricts_rates(kind: int, law: Reals) -> bool:
+    """Whether a law asks for anything of rates: not where it leaves a force no choice."""
+    return kind != interval.KIND or bool(law[0] < law[1])
+
+
+@inner_kernel
 def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> int:
     """F = x - P(x - u) and the slope S of P there, of a group of d rows with forces x and rates u, in
     units in which both are alike. Returns the mode of the group."""
@@ -27,6 +33,20 @@ def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: 
     if kind == associated.KIND:
         return associated.natural_map(law, d, x, u, F, S)
     return ball.natural_map(law, d, x, u, F, S)
+
+
+@inner_kernel
+def smooth_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
+    """As `natural_map`, with a projection P_s of which no slope jumps, and which tends to P with s, a force in
+    the units of x."""
+    if kind == cone.KIND:
+        cone.smooth_map(law, d, x, u, s, F, S)
+    elif kind == interval.KIND:
+        interval.smooth_map(law, d, x, u, s, F, S)
+    elif kind == ball.KIND:
+        ball.smooth_map(law, d, x, u, s, F, S)
+    else:  # a law without corners, or one that needs no path
+        natural_map(kind, law, d, x, u, F, S)
 
 
 @inner_kernel

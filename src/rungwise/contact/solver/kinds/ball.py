@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.solver.kinds.smooth import onto_disc
 from rungwise.contact.step.modes import FORWARD, STICK
 from rungwise.kernel import Reals, inner_kernel, kernel
 
@@ -29,6 +30,22 @@ def natural_map(law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> i
             S[i, j] = 0.0 if shrink == 1.0 else -shrink * (ahead / length) * ((x[j] - u[j]) / length)
         S[i, i] += shrink
     return STICK if shrink == 1.0 else FORWARD
+
+
+@kernel
+def smooth_map(law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
+    """See `kinds.smooth_map`."""
+    length = 0.0
+    for i in range(d):
+        length += (x[i] - u[i]) ** 2
+    length = math.sqrt(length)
+    factor, _, by_length = onto_disc(law[0], length, s)
+    for i in range(d):
+        ahead = x[i] - u[i]
+        F[i] = x[i] - factor * ahead
+        for j in range(d):
+            S[i, j] = ahead * by_length * (x[j] - u[j]) / length if length > 0.0 else 0.0
+        S[i, i] += factor
 
 
 @inner_kernel

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.solver.kinds.smooth import maximum, onto_disc
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.kernel import Reals, inner_kernel, kernel
 
@@ -43,6 +44,27 @@ def natural_map(law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> i
             S[i, j] = -shrink * along * (x[j] - u[j]) / length if length > 0.0 else 0.0
         S[i, i] += shrink
     return BACKWARD if d == 2 and x[1] - u[1] > 0.0 else FORWARD
+
+
+@kernel
+def smooth_map(law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
+    """See `kinds.smooth_map`."""
+    normal, rises = maximum(x[0] - u[0], 0.0, s)
+    length = 0.0
+    for i in range(1, d):
+        length += (x[i] - u[i]) ** 2
+    length = math.sqrt(length)
+    factor, by_radius, by_length = onto_disc(law[0] * normal, length, law[0] * s)
+    for i in range(d):
+        for j in range(d):
+            S[i, j] = 0.0
+    F[0], S[0, 0] = x[0] - normal, rises
+    for i in range(1, d):
+        ahead = x[i] - u[i]
+        F[i], S[i, 0] = x[i] - factor * ahead, ahead * by_radius * law[0] * rises
+        for j in range(1, d):
+            S[i, j] = ahead * by_length * (x[j] - u[j]) / length if length > 0.0 else 0.0
+        S[i, i] += factor
 
 
 @inner_kernel

@@ -5,6 +5,9 @@ law = (lo, hi).
 
 from __future__ import annotations
 
+import math
+
+from rungwise.contact.solver.kinds.smooth import maximum
 from rungwise.contact.step.modes import BACKWARD, FORWARD, STICK
 from rungwise.kernel import Reals, inner_kernel
 
@@ -24,6 +27,18 @@ def natural_map(law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> i
         return FORWARD
     F[0] = x[0] - law[1]
     return BACKWARD
+
+
+@inner_kernel
+def smooth_map(law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
+    """See `kinds.smooth_map`."""
+    force, slope = x[0] - u[0], 1.0
+    if law[0] > -math.inf:
+        force, slope = maximum(force, law[0], s)
+    if law[1] < math.inf:
+        less, falls = maximum(-force, -law[1], s)
+        force, slope = -less, slope * falls
+    F[0], S[0, 0] = x[0] - force, slope
 
 
 @inner_kernel

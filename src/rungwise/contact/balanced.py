@@ -1,11 +1,10 @@
-"""Answers in which everything is exactly at rest.
+"""Answers whose forces balance to the last digit.
 
-Below a very heavy body a force that is rounding beside those it carries moves a light one: an iterate whose
-forces hold everything, and whose velocities are rounding of the heavy bodies' scale, may be far from the laws
-of the light ones. With velocities of exactly zero and the nearest forces that balance, all laws hold.
-Algorithm: least squares for the change of forces that closes the balance, each counted by its own size, so
-that forces stay in their cones and what does not push does not begin to. Accepts: up to `LARGEST` unknowns.
-Promises nothing: whether rest is a solution is for the judge to say.
+Beside a very heavy body, or far below the forces that carry it, a balance of forces that is rounding of others
+may be far from its own terms. Algorithm: velocities are kept; least squares for the change of forces that
+closes the balance, each counted by its own size, so that forces stay in their cones and what does not push
+does not begin to. Accepts: up to `LARGEST` unknowns. Promises nothing: whether it is a solution is for the
+judge to say.
 """
 
 from __future__ import annotations
@@ -22,9 +21,10 @@ _ROUNDS = 3
 """Corrections of the balance: the second and the third take out the rounding of the first."""
 
 
-def rested(problem: Problem, x: Array) -> Array:
-    """x (N,) with all velocities zero and the nearest forces that balance; or x, where there are no
-    velocities, too many unknowns, or no forces."""
+@np.errstate(all="ignore")  # what is not finite is judged
+def balanced(problem: Problem, x: Array) -> Array:
+    """x (N,) with the nearest forces that balance; or x, where there are no velocities, too many unknowns, or
+    no forces."""
     p = problem
     moving = np.zeros(len(x), bool)
     moving[p.rows : p.rows + p.velocities] = True
@@ -33,18 +33,17 @@ def rested(problem: Problem, x: Array) -> Array:
     size = _sizes(p, x)[pushing]
     if not moving.any() or not size.any() or len(x) > LARGEST:
         return x
-    A = p.A.toarray() if sp.issparse(p.A) else p.A
-    bearing = A[np.ix_(moving, pushing)]
-    own = np.maximum(np.abs(bearing) @ size + np.abs(p.b[moving]), np.finfo(float).tiny)
-    rest = np.where(pushing, x, 0.0)
+    rows = sp.csr_array(p.A)[moving]
+    terms, bearing = abs(rows) @ np.abs(x) + np.abs(p.b[moving]), rows[:, pushing].toarray()
+    own, made = np.maximum(terms, np.finfo(float).tiny), x.copy()
     for _ in range(_ROUNDS):
-        left = (bearing @ rest[pushing] + p.b[moving]) / own
+        left = (rows @ made + p.b[moving]) / own
         try:
             change = lstsq(bearing * size / own[:, None], left, lapack_driver="gelsd")[0]
         except (LinAlgError, ValueError):
             return x
-        rest[pushing] -= size * change
-    return rest
+        made[pushing] -= size * change
+    return made
 
 
 def _sizes(p: Problem, x: Array) -> Array:

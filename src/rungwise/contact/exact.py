@@ -5,7 +5,12 @@ that is zero, friction along a slip. These are as many linear equations as there
 refinement whose residuals and unknowns have twice the digits finds each unknown to the last digit, and not
 only beside the largest: a row of small unknowns holds as well as any other. An unknown that shrinks with
 every correction is zero. Where the equations do not determine all unknowns, the least change that meets them
-is made. Sources: Higham, Accuracy and Stability of Numerical Algorithms (2002), chapter 12; Ogita, Rump,
+is made.
+
+What no row feels may have any size: it is brought within its limits (`clip`). What is rounding beside the
+largest unknown, each in its own magnitude, is zero (`calm`): then rows that have no other terms hold exactly.
+
+Sources: Higham, Accuracy and Stability of Numerical Algorithms (2002), chapter 12; Ogita, Rump,
 Oishi, SIAM J. Sci. Comput. 26 (2005) 1955-1988, for the sums. Accepts: up to `LARGEST` unknowns. Promises:
 nothing; the judge compares.
 """
@@ -15,13 +20,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.judge.residuals import own_units
-from rungwise.contact.prepare.magnitudes import magnitudes
+from rungwise.contact.judge.residuals import magnitudes_of, own_units
+from rungwise.contact.prepare.magnitudes import Magnitudes, largest, magnitudes
 from rungwise.contact.prepare.units import Sparse, compressed
 from rungwise.contact.problem import Array, Laws, Problem
-from rungwise.contact.solvers.polish.settled import calmed
 from rungwise.kernel import Reals, kernel
 
+NOTHING = 2.0**-49
+"""Share of the largest unknown that is rounding, in magnitudes: sixteen roundings of double precision."""
 LARGEST = 400
 """Unknowns up to which dense steps, or a dense inverse, take little time; chosen by trial."""
 _ROUNDS, _LEAST = 6, 0.1
@@ -38,6 +44,7 @@ _SPLIT = 2.0**27 + 1.0
 """Splits a double into two halves of 26 digits (Dekker)."""
 
 
+@np.errstate(all="ignore")  # what is not finite is judged
 def exact(problem: Problem, x: Array) -> Array:
     """The solution (N,) of the equations of the modes of x; or x where there is none."""
     if len(x) > LARGEST:
@@ -129,3 +136,42 @@ def add(change: Reals, high: Reals, low: Reals) -> None:
         rest = (high[i] - (total - part)) + (change[i] - part) + low[i]
         high[i] = total + rest
         low[i] = rest - (high[i] - total)
+
+
+@kernel
+def clip(x: Reals, laws: Laws) -> None:
+    """Bring each x within its limits; a contact that pulls has no force."""
+    mu, d, lower, upper = laws
+    rows = d * len(mu)
+    for first in range(0, rows, d):
+        if x[first] < 0.0:
+            for i in range(first, first + d):
+                x[i] = 0.0
+    for j in range(len(lower)):
+        x[rows + j] = min(max(x[rows + j], lower[j]), upper[j])
+
+
+def calmed(problem: Problem, x: Array, share: float = NOTHING) -> Array:
+    """x (N,) without what is at most this share of the largest unknown."""
+    sizes, size, x = magnitudes_of(problem), np.empty(2 * len(x)), x.copy()
+    largest(problem.b, x, sizes, size)
+    calm(sizes, size, problem.laws, share, x)
+    return x
+
+
+@kernel
+def calm(sizes: Magnitudes, size: Reals, laws: Laws, share: float, x: Reals) -> None:
+    """Make what is rounding zero in x (N,), where that is within limits; `size` as `largest` fills it. A
+    normal force is zero only with the others of its contact."""
+    mu, d, lower, upper = laws
+    rows, n = d * len(mu), len(x)
+    for i in range(n - 1, -1, -1):  # a normal force after the others of its contact
+        within = True
+        if i >= rows:
+            within = lower[i - rows] <= 0.0 <= upper[i - rows]
+        elif i % d == 0:
+            for k in range(i + 1, i + d):
+                within = within and x[k] == 0.0
+        greatest = min(sizes.column[i] * size[sizes.label[n + i]], sizes.most[i])
+        if within and abs(x[i]) <= share * greatest:
+            x[i] = 0.0

@@ -2,8 +2,8 @@
 
 Algorithm: at each node some laws are held at one of their pieces and the others at their convex hulls; a
 linear program (HiGHS, through scipy) either finds multipliers that exclude the node, or a point x of it. From
-that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Islands are
-searched one by one: a proof that excludes one excludes the whole. Source: Land and Doig, Econometrica 28
+that point the contact solver is tried; if it finds nothing the law that x violates most is divided. Islands
+are searched one by one: a proof that excludes one excludes the whole. Source: Land and Doig, Econometrica 28
 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11 (1990) 281-292. Accepts:
 everything; it goes beyond the root of an island up to `LARGEST` unknowns. Promises: at most `NODES` linear
 programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a proof where
@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
+from rungwise.contact.grouped import solve_grouped
 from rungwise.contact.judge.farkas import (
     Infeasible,
     Mode,
@@ -30,23 +31,18 @@ from rungwise.contact.judge.farkas import (
     pieces,
     signs,
 )
+from rungwise.contact.measure import natural, natural_parts
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
-from rungwise.contact.solvers.measure import natural, natural_parts
-from rungwise.contact.solvers.newton import newton
-from rungwise.contact.solvers.work import Work
 from rungwise.deadline import Deadline
 from rungwise.kernel import Ints
 
-NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
 """Unknowns of an island up to which it is divided, and up to which its root is tried; most linear programs.
 Chosen by trial, so that a search takes seconds."""
 ENTRIES = 1_000_000
 """Entries of A up to which the linear program of the root ends in seconds."""
-_STEPS = 15
-"""Most Newton steps from the point of a node, chosen by trial."""
 ROUNDING = 1e-9
 """Size in scaled units below which multipliers, at most 1, and their gain are rounding: ten times the
 tolerances of the linear programs."""
@@ -70,17 +66,17 @@ class Found(NamedTuple):
     proof: Infeasible | None
 
 
-def search(system: System, start: Array, tol: float, work: Work) -> Found:
+def search(system: System, start: Array, tol: float, work: Array, deadline: Deadline) -> Found:
     """A solution within tol, or a checked proof that there is none, or the best x met."""
     apart = islands(system)
     if apart is None:
-        return _search(system, start, tol, work, NODES)
+        return _search(system, start, tol, work, NODES, deadline)
     inside, goals, nodes = apart.inwards(start), apart.goals(tol), 0
     for i in range(len(apart)):
         own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
         if natural(own, inside[rows]) <= goals[i]:
             continue
-        found = _search(own, inside[rows], goals[i], work, NODES - nodes)
+        found = _search(own, inside[rows], goals[i], work, NODES - nodes, deadline)
         inside[rows], nodes = found.x, nodes + found.nodes
         if found.proof is not None and (whole := _of_whole(system, apart.place[rows], found.proof)):
             return Found(start, natural(system, start), nodes, whole)
@@ -104,22 +100,23 @@ def _of_whole(system: System, place: Ints, proof: Infeasible) -> Infeasible | No
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def _search(system: System, start: Array, tol: float, work: Work, nodes: int) -> Found:
+def _search(system: System, start: Array, tol: float, work: Array, nodes: int, deadline: Deadline) -> Found:
     best, least = start, natural(system, start)
     if system.size > LARGEST_ROOT or len(system.form.entries.value) > ENTRIES:
         return Found(best, least, 0, None)
     waiting, excluded, proving = [hull(system)], [], True
-    A = newton.form(system)
     done = 0
     for done in range(1, nodes + 1):
-        if work.is_halted:
+        if deadline.is_over:
             return Found(best, least, done - 1, None)
         mode = waiting.pop()
-        p, x = separate(system, mode, until(work.deadline))
+        p, x = separate(system, mode, until(deadline))
         if p is not None:
             excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
-            trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS, work)
+            trial, count = x.copy(), np.zeros(4, np.int64)
+            A = system.form.entries
+            solve_grouped(A, A, system.b, system.laws, 0, 0.0, trial, work, deadline.halt, count)
             for candidate in (x, trial):
                 found = natural(system, candidate)
                 if found < least:

@@ -15,8 +15,6 @@ from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints
 
-NAME = "step"
-
 
 def accepts(step: ContactProblem) -> bool:
     """Whether H is positive definite."""
@@ -29,7 +27,7 @@ def accepts(step: ContactProblem) -> bool:
     return True
 
 
-def solve(step: ContactProblem, start: NDArray[np.float64], halt: Ints) -> NDArray[np.float64]:
+def solve_assembled(step: ContactProblem, start: NDArray[np.float64], halt: Ints) -> NDArray[np.float64]:
     """Unknowns (lambda, v, tau) (2 k + n + b,), from `start`, whose modes are guessed from its forces, until
     halt (1,) is set."""
     contacts, n, limited, d = len(step.mu), len(step.c), len(step.F), step.R.shape[1]

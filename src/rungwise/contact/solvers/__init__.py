@@ -1,1 +1,0 @@
-"""Solvers of contact problems, one file each."""

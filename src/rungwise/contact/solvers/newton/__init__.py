@@ -1,1 +1,0 @@
-"""Newton's method on contact problems, and its linear systems."""

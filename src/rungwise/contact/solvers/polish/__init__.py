@@ -1,1 +1,0 @@
-"""Answers made exact, and freed of what is undetermined."""
