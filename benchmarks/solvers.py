@@ -8,22 +8,19 @@ Stacks and piles of boxes are generated in any case; `--write` writes them (FCLI
 residual of 1e-8, and times are medians of N repeats, in microseconds of the processor.
 
   residual  the worse of the unit-free natural map and the imbalance; the status, where it is not solved
-  total     from the problem as it was given to its judged answer: in one compiled call where that gets there
-            (up to 120 unknowns), else `cold`
-  cold      `rw.solve` of a problem never seen: elimination, scaling, solvers, judgement
+  total     `rw.solve` of a problem never seen, from the problem as it was given to its judged answer
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million
-  compiled  the prepared problem from nothing, called from compiled code: up to 200 unknowns, - where
-            the first solver of the chain (Gauss-Seidel with Newton steps, or pivoting) does not get there
+  compiled  the prepared problem from nothing, called from compiled code: up to 200 unknowns
   near      the same from the answer's forces, changed by one part in a thousand
-  chain     (`--chain`) solvers that `rw.solve` called, and their iterations
+  chain     (`--chain`) what `rw.solve` tried, and the iterations
 
 A peer's columns, with `--siconos` and `--pinocchio` (Pythons that have them; looked for if not given):
 
   total     the least of all its solvers, from nothing, that got to the same residual by our judge: the
             solve, what the solver asks for once per problem, and what it took to make the form that it was
-            given. The problem as it was given costs nothing; elimination and scaling cost what they cost us,
-            compiled where our own total is. Siconos' drivers are called from a loop in C (so `cc` is
+            given. The problem as it was given costs nothing; elimination and scaling cost what they cost us.
+            Siconos' drivers are called from a loop in C (so `cc` is
             needed), Pinocchio's solvers time themselves
   (1e-05)   in place of a time: none got there, and this is the least residual that one reached
   ratio     our total over the peer's
@@ -96,7 +93,6 @@ class Row:
     status: str
     residual: float
     total: float
-    cold: float
     again: float
     warm: float
     compiled: float | None
@@ -121,20 +117,19 @@ def measured(name: str, problem: rw.Problem, repeats: int, peers: Running) -> Ro
     found = rw.solve(problem, tol=TOL)  # compiles
     near = found.x * (1.0 + 1e-6)
     rw.solve(problem, tol=TOL, start=near)
-    cold = times.fresh(problem, lambda new: rw.solve(new, tol=TOL), repeats)
+    total = times.fresh(problem, lambda new: rw.solve(new, tol=TOL), repeats)
     again = times.usual(lambda: rw.solve(problem, tol=TOL), repeats)
     warm = times.usual(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
-    at_once = times.at_once(problem, repeats)
     chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
     best: dict[str, dict[str, Any] | None] = {}
-    cost = times.preparation(problem, at_once is not None, repeats) if peers else contact_peers.Cost()
+    cost = times.preparation(problem, repeats) if peers else contact_peers.Cost()
     for peer, (process, formats) in peers.items():
         told = contact_peers.best(process, formats.forms(problem, cost), problem, TOL)
         best[peer] = None if told is None else asdict(told)
     alone = times.alone(problem, found, repeats)
     return Row(
         name, len(problem.b), len(problem.mu), found.status, found.residuals.worst,
-        cold if at_once is None else at_once, cold, again, warm, alone[0], alone[1], chain, best,
+        total, again, warm, alone[0], alone[1], chain, best,
     )  # fmt: skip
 
 
@@ -146,7 +141,7 @@ KINDS: dict[str, Callable[[Row], bool]] = {
     f"more than {LITTLE} unknowns": lambda row: row.size > LITTLE,
 }
 """Rows that are summed up together; each is in two of them."""
-COLUMNS = {"total": 8, "cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
+COLUMNS = {"total": 8, "again": 7, "warm": 7, "compiled": 8, "near": 6}
 NAME, SOLVER = 28, 26
 
 
@@ -268,7 +263,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--siconos", nargs="?", const="", metavar="PYTHON", help="Debian: python3-siconos")
     parser.add_argument("--pinocchio", nargs="?", const="", metavar="PYTHON", help="pip install 'pin>=4'")
     parser.add_argument("--save", type=Path, metavar="FILE", help="keep finished rows, and go on from them")
-    parser.add_argument("--chain", action="store_true", help="print the solvers called, too")
+    parser.add_argument("--chain", action="store_true", help="print what was tried, too")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the generated problems and end")
     given = parser.parse_args(arguments)
     if given.folder is not None and not given.folder.is_dir():

@@ -12,14 +12,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact import solve as chain
-from rungwise.contact.prepare.system import System
-from rungwise.contact.problem import Array
-from rungwise.contact.solvers.work import Work as Allowed
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.planning.lift import repair
@@ -33,35 +28,6 @@ from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.moving import Moment
 from rungwise.system.terms import Terms
 from tests.simulation.core.test_particle import Particle
-
-# A solver: a module with NAME, accepts and solve, and its place in SOLVERS.
-
-
-def _accepts(system: System) -> bool:
-    return len(system.mu) == 0 and not system.has_free
-
-
-def _solve(system: System, start: Array, tol: float, work: Allowed) -> tuple[Array, int]:
-    """Projected gradients: x becomes x - (A x + b) / |A| within its limits."""
-    A, x, done = system.dense(), start.copy(), 0
-    length = float(np.linalg.norm(A, 2))
-    while not work.is_spent and done < 10_000:
-        before, x = x, np.clip(x - (A @ x + system.b) / length, system.lower, system.upper)
-        work.spend(A.size)
-        done += 1
-        if np.abs(x - before).max() <= 0.1 * tol:
-            break
-    return x, done
-
-
-def test_a_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    own: Any = SimpleNamespace(NAME="projected-gradients", accepts=_accepts, solve=_solve)
-    monkeypatch.setattr(chain, "SOLVERS", (*chain.SOLVERS, own))
-    problem = rw.Problem.lcp([[2.0, 1.0], [1.0, 3.0]], [-1.0, 4.0])
-    found = rw.solve(problem, solvers=("projected-gradients",))
-    assert found.status == "solved" and found.chain == ("projected-gradients",)
-    np.testing.assert_allclose(found.x, [0.5, 0.0], atol=1e-9)
-
 
 # A scene: one file, found by its name where scenes are kept, or by its path.
 

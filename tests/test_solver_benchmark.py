@@ -88,7 +88,7 @@ def test_summary_counts_only_rows_at_the_same_residual(module: Any) -> None:
     def row(name: str, own: float, seconds: float, residual: float, status: str = "solved") -> Any:
         told = {"solver": "x", "seconds": seconds, "residual": residual, "alone": 5e-7, "unfinished": []}
         best = {"siconos": told, "pinocchio": None}
-        return solvers.Row(name, 3, 1, status, 1e-9, own, 9.0, 9.0, 9.0, 2.0, None, "-", best)
+        return solvers.Row(name, 3, 1, status, 1e-9, own, 9.0, 9.0, 2.0, None, "-", best)
 
     rows = [row("a", 4.0, 1e-6, 1e-9), row("b", 1.0, 1e-6, 1e-8), row("c", 1.0, 1e-6, 1e-7)]
     assert [each.ratio("siconos") for each in rows] == [pytest.approx(4.0), pytest.approx(1.0), None]
@@ -109,13 +109,11 @@ def test_summary_counts_only_rows_at_the_same_residual(module: Any) -> None:
 
 @pytest.mark.long
 def test_preparation_is_counted_as_we_pay_it(module: Any) -> None:
-    """Compiled where all of a solve is: nothing for what is given as it is."""
+    """Nothing for what is given as it is."""
     times, boxes = module("solver_times"), module("assemblies")
-    given, mixed, large = problem(3), boxes.stack(1), boxes.stack(10)
-    assert times.at_once(given, 1) > 0.0 and times.at_once(mixed, 1) > 0.0
-    assert times.at_once(large, 1) is None
-    for stated, is_compiled in ((given, True), (given, False), (mixed, True), (large, False)):
-        cost = times.preparation(stated, is_compiled, 3)
+    given, mixed = problem(3), boxes.stack(1)
+    for stated in (given, mixed):
+        cost = times.preparation(stated, 3)
         assert cost.scaled > 0.0 and (cost.own > 0.0) == (stated is not given)
 
 

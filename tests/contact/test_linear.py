@@ -44,9 +44,8 @@ def test_singular_systems_are_noticed():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("symmetric", [False, True])
 @pytest.mark.parametrize("bodies", [1, 2, 7, 20])
-def test_factors_by_blocks_are_those_of_the_whole(bodies, symmetric):
+def test_factors_by_blocks_are_those_of_the_whole(bodies):
     """Bodies of one to seven velocities, and groups that touch one, two or three of them."""
     rng = np.random.default_rng(bodies)
     for _ in range(5):

@@ -25,8 +25,8 @@ def moving(seed: int, inertia: float = 1.0, idle: int = 0) -> rw.Problem:
 def test_what_is_left_is_the_same_whether_dense_or_sparse() -> None:
     for seed in range(6):
         small, large = eliminated(moving(seed)), eliminated(moving(seed, idle=300))
-        assert isinstance(small.matrix(), np.ndarray) and sp.issparse(large.matrix())
-        np.testing.assert_allclose(small.matrix(), large.matrix().toarray(), atol=1e-12)
+        assert isinstance(small.matrix, np.ndarray) and sp.issparse(large.matrix)
+        np.testing.assert_allclose(small.matrix, large.matrix.toarray(), atol=1e-12)
         np.testing.assert_allclose(small.b, large.b, atol=1e-12)
         x = np.random.default_rng(seed).normal(size=len(small.b))
         n, v = moving(seed).rows, moving(seed).velocities

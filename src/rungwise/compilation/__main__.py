@@ -83,8 +83,6 @@ def _problems() -> None:
                 S=rng.normal(size=(2, n)), w_s=np.zeros(2), F=np.array([0.5, np.inf]),
             )  # fmt: skip
             package.solve(mixed)
-            for name in ("gauss-seidel", "interior-point", "homotopy", "proximal-point"):
-                package.solve(mixed, solvers=(name,))
 
 
 def _space() -> None:

@@ -1,10 +1,10 @@
 """Answers whose forces balance to the last digit.
 
-Beside a very heavy body, or far below the forces that carry it, a balance of forces that is rounding of others
-may be far from its own terms. Algorithm: velocities are kept; least squares for the change of forces that
-closes the balance, each counted by its own size, so that forces stay in their cones and what does not push
-does not begin to. Accepts: up to `LARGEST` unknowns. Promises nothing: whether it is a solution is for the
-judge to say.
+Beside a very heavy body, or far below the forces that carry it, a balance of forces that is rounding of
+others may be far from its own terms. Algorithm: velocities are kept; least squares for the change of forces
+that closes the balance, each counted by its own size, so that forces stay in their cones and what does not
+push does not begin to. Accepts: up to `LARGEST` unknowns. Promises nothing: whether it is a solution is for
+the judge to say.
 """
 
 from __future__ import annotations

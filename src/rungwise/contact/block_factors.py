@@ -112,8 +112,8 @@ def add(factors: Factors, i: int, j: int, value: float) -> None:
 
 @inner_kernel
 def add_product(factors: Factors, touched: Ints, C: Reals, E: Reals, W: Reals, push: Reals) -> None:
-    """Add C^T E W to the matrix, where column j of C and W (d, w) stands for velocity touched[j]. `push` (w d,)
-    is scratch."""
+    """Add C^T E W to the matrix, where column j of C and W (d, w) stands for velocity touched[j]. `push` (w
+    d,) is scratch."""
     size, width = W.shape
     for m in range(width):
         for c in range(size):

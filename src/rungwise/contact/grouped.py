@@ -2,9 +2,9 @@
 
     y = A x + b,        x = P(x - y) group by group
 
-Velocities of a mixed form are the solver's own, where their block H has a diagonal that is positive and each
-group depends on no force but its own. Elsewhere (an LCP, a circuit, a Delassus form) the velocities are a copy
-of all unknowns, v = x: then H = C = 1 and W = A, and a free unknown is a force without limits.
+Velocities of a mixed form are the solver's own, where their block H has a diagonal that is positive and
+each group depends on no force but its own. Elsewhere (an LCP, a circuit, a Delassus form) the velocities are
+a copy of all unknowns, v = x: then H = C = 1 and W = A, and a free unknown is a force without limits.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from rungwise.contact.block_factors import Factors
 from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.problem import Laws
 from rungwise.contact.solver.groups import (
@@ -25,7 +26,7 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import count_island, fill_island, label_islands
 from rungwise.contact.solver.kinds import cone, free, interval
-from rungwise.contact.solver.newton import Factors, multiplications, no_blocks, plan_blocks, room_in, room_of
+from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
 from rungwise.contact.solver.settings import WIDE
 from rungwise.contact.solver.solve import solve
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel

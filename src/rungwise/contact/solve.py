@@ -19,7 +19,7 @@ from rungwise.contact.prepare.even import in_even_units
 from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.prepare.units import compressed
 from rungwise.contact.problem import Array, Problem, vector
-from rungwise.contact.search import search
+from rungwise.contact.search import Found, search
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.deadline import Deadline, seconds
@@ -206,11 +206,20 @@ class _Solve:
         if not self._is_solved(answer) and len(self.system.kept) < len(self.problem.b):
             answer = self._better(answer, self._run(uneliminated(self.problem), start))
         if not self._is_solved(answer) and is_plain(self.problem.rows, self.problem.velocities):
-            again, unit = in_even_units(self.problem)
-            even = scaled(again)
-            x = np.zeros(even.size)
-            self._iterate(even, x)
-            answer = self._better(answer, self._judged(unit * even.recover(x * even.force)))
+            answer = self._evened(answer)
+        return answer
+
+    def _evened(self, answer: _Answer) -> _Answer:
+        """The answer, or a better one, found in units in which entries are as near to one as they can be:
+        by the solver, or else by the search."""
+        again, unit = in_even_units(self.problem)
+        even = scaled(again)
+        x = np.zeros(even.size)
+        self._iterate(even, x)
+        answer = self._better(answer, self._judged(unit * even.recover(x * even.force)))
+        if not self._is_solved(answer):
+            found = self._search(even, x)
+            answer = self._better(answer, self._judged(unit * even.recover(found.x * even.force)))
         return answer
 
     def _balanced(self, start: Array) -> _Answer:
@@ -245,12 +254,16 @@ class _Solve:
 
     def _by_search(self, system: System, answer: _Answer) -> _Answer:
         """The answer that the search over modes finds, or the answer with a proof that there is none."""
-        start = answer.x[system.kept] / system.force
-        found = search(system, start, MARGIN * self.tol, self.work, self.deadline)
-        self.attempts.append(Attempt("search", found.nodes, found.residual))
+        found = self._search(system, answer.x[system.kept] / system.force)
         other = self._better(answer, self._judged(system.recover(found.x * system.force)))
         proved = found.proof is not None and proves(self.problem, system, found.proof)
         return other._replace(proof=found.proof) if proved else other
+
+    def _search(self, system: System, x: Array) -> Found:
+        """What the search finds from scaled x."""
+        found = search(system, x, MARGIN * self.tol, self.work, self.deadline)
+        self.attempts.append(Attempt("search", found.nodes, found.residual))
+        return found
 
     def _without_inertia(self, x: Array) -> _Answer:
         """The answer in which the demanded rates decide, or a proof."""

@@ -1,51 +1,60 @@
 """Free unknowns eliminated where they can be, which leaves the Delassus form.
 
-With A_ff regular the free unknowns (velocities, joint forces) follow from the others.
+With A_gg regular the free unknowns (velocities, joint forces) are x_g = -A_gg^-1 (A_gk x_k + b_g). A_gg is
+factorised in units in which its largest entries are about one, and each solution is refined once; the change
+by refinement tells how well a solution is known, and remainders within this doubt are zero. Source: Higham,
+Accuracy and Stability of Numerical Algorithms (2002), chapters 7 and 12.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
+from scipy.sparse.linalg import splu
 
-from rungwise.contact.prepare import schur
-from rungwise.contact.prepare.inverse import inverse, responses
-from rungwise.contact.prepare.product import Condensed, Product, columns, condensed, product
-from rungwise.contact.prepare.schur import ACCURATE, NOTHING, REGULAR
-from rungwise.contact.prepare.units import Sparse, compressed, part
+from rungwise.contact.prepare.units import part
 from rungwise.contact.problem import Array, Matrix, Problem
 from rungwise.kernel import Ints
 
-Solve = Callable[[Array], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
 _LARGEST = 30_000_000
-"""Entries of the dense response that elimination from a sparse form may make."""
+"""Entries of the dense response that elimination may make."""
+_REGULAR, _ACCURATE = 1e-13, 1e-5
+"""Least pivot over the largest; largest change of solutions by refinement, over the largest entry. Chosen by
+trial, to a decade; the first is about a thousand roundings of double precision."""
+_NOTHING = 2.0**-49
+"""Share of its terms up to which a sum may be rounding: each term is rounded when made and when added."""
 
 
 class Left(NamedTuple):
-    """The rest of a problem: kept places (N,), a function that makes the matrix A, offset b, `recover` from x
-    (N,) to all unknowns, and the parts of A. `demanded`: the largest demanded rate over the largest rate
-    without forces, infinite if there is none."""
+    """The rest of a problem: kept places (N,), the matrix A, offset b, and `recover` from x (N,) to all
+    unknowns. `demanded`: the largest demanded rate over the largest rate without forces, infinite if there is
+    none."""
 
     kept: Ints
-    matrix: Callable[[], Matrix]
+    matrix: Matrix
     b: Array
     recover: Callable[[Array], Array]
-    condensed: Condensed | None = None
-    product: Product | None = None
     demanded: float = math.inf
+
+
+class Factors(NamedTuple):
+    """What solves with a matrix, and with its transpose, for dense right-hand sides."""
+
+    solve: Callable[[Array], Array]
+    transposed: Callable[[Array], Array]
 
 
 def everything(problem: Problem) -> Left:
     """The problem as it is, dense where it is small, and else sparse."""
-    A = _whole(problem)
-    return Left(np.arange(len(problem.b)), lambda: A, problem.b, lambda x: x)
+    return Left(np.arange(len(problem.b)), _whole(problem), problem.b, lambda x: x)
 
 
 def _whole(problem: Problem) -> Matrix:
@@ -55,128 +64,83 @@ def _whole(problem: Problem) -> Matrix:
 
 
 def eliminated(problem: Problem) -> Left:
-    """The rest of the problem: kept places, matrix, offset, the way back to all unknowns, the matrix's parts.
-
-    The free unknowns are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
-    """
-    if not problem.free.any():
-        return everything(problem)
-    A, b = _whole(problem), problem.b
-    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.free])
+    """The rest of the problem without its free unknowns, unless A_gg is singular or nearly so."""
+    b, fixed = problem.b, np.concatenate([np.zeros(problem.rows, bool), problem.free])
     kept, gone = np.flatnonzero(~fixed), np.flatnonzero(fixed)
-    if isinstance(A, np.ndarray):
-        return _eliminated_small(problem, A, kept, gone)
-    if len(kept) * len(gone) > _LARGEST:
+    if len(gone) == 0 or len(kept) * len(gone) > _LARGEST:
         return everything(problem)
+    A = _whole(problem)
     own, across, back, front = (part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept))
-    response = _respond(own, across)
-    if response is None:
+    factors = factorised(own)
+    if factors is None:
         return everything(problem)
-    solve, rounding, found = response.solve, response.rounding, response.columns
-
-    def velocities(x: Array) -> Array:
-        push = across @ x + b[gone]
-        v = -solve(push)
-        return np.asarray(v - solve(own @ v + push))
+    right = np.column_stack([_dense(across), b[gone]])
+    first = factors.solve(right)
+    change = factors.solve(own @ first - right)
+    if not _largest(change[:, :-1]) <= _ACCURATE * _largest(first[:, :-1]):
+        return everything(problem)
+    response = first - change
+    # What rounding hides of the response, and what that does to the rows that are left.
+    doubt = abs(own @ response - right) + _NOTHING * (abs(own) @ abs(response) + abs(right))
+    doubt = abs(factors.transposed(_dense(back).T)).T @ doubt
+    before = np.column_stack([_dense(front), b[kept]])
+    made = before - back @ response
+    made[abs(made) <= _NOTHING * (abs(before) + abs(back) @ abs(response)) + doubt] = 0.0
+    left, offset = np.ascontiguousarray(made[:, :-1]), np.ascontiguousarray(made[:, -1])
 
     def recover(x: Array) -> Array:
-        full = np.empty(len(b))
-        full[kept], full[gone] = x, velocities(x)
+        full, push = np.empty(len(b)), across @ x + b[gone]
+        v = -factors.solve(push)
+        full[kept], full[gone] = x, v - factors.solve(own @ v + push)
         return full
 
-    def matrix() -> Matrix:
-        made = response.matrix()
-        errors = abs(own @ made - across) + NOTHING * (abs(own) @ abs(made) + abs(across))
-        terms = abs(front) + abs(back) @ abs(made)
-        return _without_rounding(front - back @ made, NOTHING * terms + rounding(back, errors))
-
-    still = velocities(np.zeros(len(kept)))
-    offset = b[kept] + back @ still
-    # Terms that should cancel, and do but for rounding, are no demand.
-    errors = np.abs(own @ still + b[gone]) + NOTHING * (abs(own) @ np.abs(still) + np.abs(b[gone]))
-    terms = np.abs(b[kept]) + abs(back) @ np.abs(still)
-    offset[np.abs(offset) <= NOTHING * terms + rounding(back, errors)] = 0.0
-    parts = condensed(problem, own, across, back, front)
-    whole = None if parts is None or found is None else product(problem, parts, *found)
-    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
+    matrix = sp.csr_array(left) if sp.issparse(A) else left
+    return Left(kept, matrix, offset, recover, _demanded(problem, kept, offset))
 
 
-def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Left:
-    k, g, b = len(kept), len(gone), problem.b
-    left, offset = np.empty((k, k)), np.empty(k)
-    solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
-    if not schur.eliminate(A, b, kept, gone, left, offset, *solver):
-        return everything(problem)
-
-    def recover(x: Array) -> Array:
-        full = np.empty(len(b))
-        full[kept] = x
-        schur.recover(A, b, kept, gone, *solver, full)
-        return full
-
-    parts = condensed(problem, *(part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept)))
-    return Left(kept, lambda: left, offset, recover, parts, None, _demanded(problem, kept, offset))
-
-
-class Response(NamedTuple):
-    """`solve` solves with A_gg; `matrix` is A_gg^-1 A_gk; `rounding` makes |B A_gg^-1| e, or no less, of B
-    and of errors e in the equations of the free unknowns; `columns`, where they are sparse, the response's
-    columns and how much a second solution changed their values."""
-
-    solve: Solve
-    matrix: Callable[[], Matrix]
-    rounding: Callable[[Matrix, Matrix], Matrix]
-    columns: tuple[Sparse, Array] | None = None
-
-
-def _respond(own: sp.csr_array, across: sp.csr_array) -> Response | None:
-    """How the eliminated unknowns respond to the others; None where A_gg is singular or nearly so."""
-    if (inverted := inverse(compressed(own))) is not None:
-        found, change = responses(compressed(own), inverted, columns(across))
-        if not _largest(change) <= ACCURATE * _largest(found.value):
-            return None
-        solver = sp.csr_array(inverted[::-1], shape=own.shape)
-        return Response(
-            lambda right: solver @ right,
-            lambda: sp.csc_array(found[::-1], shape=across.shape).tocsr(),
-            lambda back, errors: abs(back) @ (abs(solver) @ errors),
-            (found, change),
-        )
-    factor = _factors(own)
-    if factor is None:
-        return None
-    first = factor.solve(across.toarray())
-    change = factor.solve(own @ first - across)
-    if not _largest(change) <= ACCURATE * _largest(first):
-        return None
-    return Response(
-        factor.solve,
-        lambda: first - change,
-        lambda back, errors: np.abs(factor.solve(back.T.toarray(), "T")).T @ errors,
-    )
+def _dense(A: Matrix) -> Array:
+    return np.asarray(A.toarray() if sp.issparse(A) else A)
 
 
 def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(p: Problem, kept: Ints, offset: Array) -> float:
-    return float(schur.demanded(p.b, p.rows, p.velocities, p.lower, p.upper, kept, offset))
-
-
-def _factors(own: sp.csr_array) -> SuperLU | None:
-    try:
-        factor = splu(sp.csc_array(own))
-    except RuntimeError:
+def factorised(own: Matrix) -> Factors | None:
+    """Factors of a matrix; None where it is singular or nearly so."""
+    size = abs(own)
+    row, column = (np.asarray(_dense(size.max(axis=axis))).ravel() for axis in (1, 0))
+    if not (row * column > 0.0).all():
         return None
-    pivots = np.abs(factor.U.diagonal())
-    return factor if pivots.min() > REGULAR * pivots.max() else None
+    unit = (row * column) ** -0.25
+    if sp.issparse(own):
+        scaled = sp.csc_array(sp.diags_array(unit) @ own @ sp.diags_array(unit))
+        try:
+            made = splu(scaled)
+        except RuntimeError:
+            return None
+        pivots, solve = np.abs(made.U.diagonal()), lambda right, how: made.solve(right, "T" if how else "N")
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LinAlgWarning)  # pivots tell
+            both = lu_factor(unit[:, None] * own * unit, check_finite=False)
+        pivots, solve = (
+            np.abs(both[0].diagonal()),
+            lambda right, how: lu_solve(both, right, trans=how, check_finite=False),
+        )
+    if not pivots.min() > _REGULAR * pivots.max():
+        return None
+    return Factors(*(_in_units(unit, solve, how) for how in (0, 1)))
 
 
-def _without_rounding(left: Matrix, least: Matrix) -> Matrix:
-    """The entries of `left` that are larger than `least`, the errors of entries that may be zero."""
-    if not sp.issparse(left):
-        return np.where(np.abs(left) > least, left, 0.0)
-    made = sp.csr_array(left.multiply(abs(left) > least))
-    made.eliminate_zeros()
-    return made
+def _in_units(unit: Array, solve: Callable[[Array, int], Array], how: int) -> Callable[[Array], Array]:
+    return lambda right: (unit * solve((unit * right.T).T, how).T).T
+
+
+def _demanded(p: Problem, kept: Ints, offset: Array) -> float:
+    """The largest demanded rate over the largest rate without forces, of all but fixed unknowns, of which
+    nothing is demanded; infinite where there is no demand, or no load."""
+    asked = np.concatenate([np.ones(p.rows, bool), p.lower != p.upper])
+    loads = _largest(p.b[p.rows : p.rows + p.velocities])
+    demands, largest = _largest(p.demands), _largest(offset[asked[kept]])
+    return demands / largest if loads > 0.0 and 0.0 < demands < largest else math.inf

@@ -8,9 +8,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
-from rungwise.contact.prepare.components import join, number
-from rungwise.contact.prepare.product import MOST, Condensed
 from rungwise.contact.prepare.system import Form, System
 from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.problem import Array, Laws
@@ -36,7 +35,6 @@ class Islands:
     force: Array
     rate: Array
     kept: Ints
-    condensed: Condensed | None
 
     def __len__(self) -> int:
         return len(self.size)
@@ -61,14 +59,13 @@ class Islands:
         rows = slice(self.first[i], self.first[i + 1])
         contacts = slice(self.contacts[i], self.contacts[i + 1])
         others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
-        start, place = whole.entries.start[rows.start : rows.stop + 1], self.place[rows]
+        start = whole.entries.start[rows.start : rows.stop + 1]
         own = slice(start[0], start[-1])
         entries = Sparse(start - start[0], whole.entries.place[own], whole.entries.value[own])
         form = Form(entries, whole.blocks[contacts], whole.diagonal[others])
         return System(
-            lambda: form, self.b[rows], laws.mu[contacts], d, laws.lower[others], laws.upper[others],
+            form, self.b[rows], laws.mu[contacts], d, laws.lower[others], laws.upper[others],
             self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
-            _condensed(self.condensed, place),
         )  # fmt: skip
 
 
@@ -85,14 +82,13 @@ def islands(system: System) -> Islands | None:
 
 def _labels(system: System) -> tuple[Ints, int]:
     """The number of the island of each contact, and of each other unknown, and how many there are."""
-    s, p, size = system, system.product, len(system.mu) + len(system.lower)
-    label = np.arange(size + (p.velocities if p else 0))
-    if p is None:
-        join(s.form.entries, s.rows, s.directions, 0, label)
-    else:
-        join(p.back, s.rows, s.directions, s.size, label)
-        join(p.response, s.rows, s.directions, s.size, label)
-    return label[:size], number(label, size)
+    s, contacts = system, len(system.mu)
+    law = np.concatenate([np.arange(contacts).repeat(s.directions), contacts + np.arange(len(s.lower))])
+    entries = s.form.entries
+    row = law.repeat(np.diff(entries.start))
+    joined = sp.coo_array((entries.value != 0.0, (row, law[entries.place])), shape=(law[-1] + 1,) * 2)
+    count, label = connected_components(joined, directed=False)
+    return label.astype(np.int64), int(count)
 
 
 def _gathered(system: System, label: Ints, count: int) -> Islands:
@@ -112,26 +108,9 @@ def _gathered(system: System, label: Ints, count: int) -> Islands:
     return Islands(
         place, first, contacts, size, Form(entries, s.form.blocks[pairs], s.form.diagonal[single]),
         s.b[place] / per, Laws(s.mu[pairs], d, s.lower[single] / limits, s.upper[single] / limits),
-        s.force[place] * per, s.rate[place] * per, s.kept[place], s.condensed,
+        s.force[place] * per, s.rate[place] * per, s.kept[place],
     )  # fmt: skip
 
 
 def _starts(label: Ints, count: int) -> Ints:
     return np.concatenate([[0], np.cumsum(np.bincount(label, minlength=count))]).astype(np.int64)
-
-
-def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
-    """The condensed parts of these rows; None where their velocities are coupled with others."""
-    if whole is None:
-        return None
-    back, across = whole.back.part(place), whole.across.part(place)
-    used = np.zeros(whole.own.shape[0], bool)
-    used[back.place] = used[across.place] = True
-    if abs(whole.own[used][:, ~used]).sum() > 0.0 or abs(whole.own[~used][:, used]).sum() > 0.0:
-        return None
-    number = np.cumsum(used) - 1
-    own = whole.own[used][:, used]
-    if not sp.issparse(own) or own.shape[0] <= MOST:
-        own = np.ascontiguousarray(own.toarray() if sp.issparse(own) else own)
-    back, across = (some._replace(place=number[some.place]) for some in (back, across))
-    return Condensed(own, whole.front[place], back, across)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -22,7 +22,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.prepare.elimination import Left, eliminated, everything
-from rungwise.contact.prepare.product import Condensed, Product
 from rungwise.contact.prepare.units import Sparse, compressed, expand, fitted, measured, rescaled
 from rungwise.contact.problem import Array, BeyondScale, Laws, Problem
 from rungwise.kernel import Ints, Reals, kernel
@@ -41,14 +40,11 @@ class Form(NamedTuple):
 class System:
     """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
 
-    make: makes A, when something asks for it: with a product A is seldom needed; kept (N,): places of the
-    unknowns in the problem; condensed, product: A's parts, where far fewer unknowns were eliminated than are
-    left: for linear systems with A, and to multiply by it; demanded: the largest demanded rate over the
-    largest rate without forces, or infinite; load: the largest load over the least unit of a contact's force,
-    or one.
+    kept (N,): places of the unknowns in the problem; demanded: the largest demanded rate over the largest
+    rate without forces, or infinite; load: the largest load over the least unit of a contact's force, or one.
     """
 
-    make: Callable[[], Form]
+    form: Form
     b: Array
     mu: Array
     directions: int
@@ -58,14 +54,8 @@ class System:
     rate: Array
     kept: Ints
     recover: Callable[[Array], Array]
-    condensed: Condensed | None
-    product: Product | None = None
     demanded: float = math.inf
     load: float = 1.0
-
-    @cached_property
-    def form(self) -> Form:
-        return self.make()
 
     @cached_property
     def laws(self) -> Laws:
@@ -125,37 +115,19 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
         lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     lowest, highest = lower.copy(), upper.copy()
-    entries = _entries(left)
-    if left.product is not None:
-        fitted(Sparse(np.arange(size + 1), np.arange(size), left.product.diagonal), rows, d, s)
-    elif massless or (
-        problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries())
-    ):
-        _fit_massless(problem, entries(), s)
+    entries = compressed(left.matrix)
+    if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries)):
+        _fit_massless(problem, entries, s)
     else:
-        fitted(entries(), rows, d, s)
+        fitted(entries, rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise BeyondScale("A: its sizes, and those of b, are beyond what double precision can scale")
+    form = Form(entries, np.zeros((rows // d, d, d)), np.zeros(size - rows))
+    rescaled(entries, s, form.blocks, form.diagonal)
     return System(
-        partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
-        left.recover, left.condensed and left.condensed.scaled(s, rows, d),
-        left.product and left.product.scaled(s, rows, d), left.demanded,
+        form, offset, problem.mu.copy(), d, lowest, highest, force, rate, kept, left.recover, left.demanded,
         _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
     )  # fmt: skip
-
-
-def _entries(left: Left) -> Callable[[], Sparse]:
-    """A function that gives A's rows, unscaled; the rows of a product are made when it is called."""
-    if left.product is not None:
-        return lambda: compressed(left.matrix())
-    made = compressed(left.matrix())
-    return lambda: made
-
-
-def _form(entries: Callable[[], Sparse], s: Array, rows: int, d: int) -> Form:
-    made = Form(entries(), np.zeros((rows // d, d, d)), np.zeros(len(s) - rows))
-    rescaled(made.entries, s, made.blocks, made.diagonal)
-    return made
 
 
 def _load(problem: Problem, unit: Array) -> float:

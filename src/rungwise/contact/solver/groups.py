@@ -43,8 +43,8 @@ class Groups(NamedTuple):
     H_first (n + 1,), H_column, H: the matrix H, row by row; diagonal (n,) of H; c (n,); kind (g,); law (g,
     LAW); row (g + 1,): where the rows of groups begin; first (g + 1,): where the velocities begin in
     `column` that a group touches; entry (g + 1,): where its part of W and of C begins, row by row; R (g, d,
-    d); w (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force and
-    rate (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the
+    d); w (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force
+    and rate (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the
     problem that is rounding.
     """
 

@@ -21,8 +21,10 @@ CYCLE = 6
 """Newton steps in which the map does not fall, after which they lead nowhere."""
 NEWTON_STEPS = 10_000
 """Newton steps at most, with all starts of all islands."""
-ENDLESS = 12
-"""Proximal problems in which the residual does not fall by half, after which the solver gives up a start."""
+HELD = 3
+"""Proximal problems that are solved before a weight is tried again that was too little."""
+ENDLESS = 150
+"""Newton steps in which the residual does not fall by half, after which the solver gives up a start."""
 ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""
 NOTHING = 1e-12

@@ -25,6 +25,7 @@ from rungwise.contact.solver.settings import (
     GOAL,
     GUESS,
     GUESSES,
+    HELD,
     LEAST,
     LENGTHS,
     MOST,
@@ -217,12 +218,12 @@ def _approach(
 ) -> None:
     """The proximal point method from (x, v)."""
     xc, vc = room.centre_x, room.centre_v
-    least, weight, endless = _note(g, x, v, room), WEIGHT, 0
+    least, weight, held, falls, since = _note(g, x, v, room), WEIGHT, 0, True, count[0]
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
-        most = 0 if room.least[0] <= ENOUGH else ENDLESS
-        if (problem > 0 and (room.least[0] <= GOAL or endless > most)) or _ends(halt, count):
+        ends = not falls if room.least[0] <= ENOUGH else count[0] - since > ENDLESS
+        if (problem > 0 and (room.least[0] <= GOAL or ends)) or _ends(halt, count):
             break
         count[1] += 1
         guess = problem == 0 and warm
@@ -240,7 +241,7 @@ def _approach(
             copy(xc, x)
             copy(vc, v)
             reached = descend(g, weight, 0.0, LENGTHS, STEPS, goal, x, v, xc, vc, room, halt, count)
-        endless += 1
+        falls = False
         found = _note(g, x, v, room)
         if found > ENOUGH and not reached <= enough:
             copy(xc, x)
@@ -250,13 +251,17 @@ def _approach(
             if guess:
                 weight = CHANGE * WEIGHT
                 set_pace(g, by, room)
-            weight = min(weight / CHANGE, MOST)
+            weight, held = min(weight / CHANGE, MOST), HELD
             continue
         if found < 0.5 * least:
-            least, endless = found, 0
+            least, falls, since = found, True, count[0]
         if room.least[0] <= GOAL:
             break
-        weight = CHANGE * WEIGHT if guess and room.least[0] > ENOUGH else max(CHANGE * weight, LEAST)
+        if guess and room.least[0] > ENOUGH:
+            weight = CHANGE * WEIGHT
+        elif held == 0:
+            weight = max(CHANGE * weight, LEAST)
+        held = max(held - 1, 0)
         if by == BY_ITERATE:
             measure(g, x, v, room)
             set_pace(g, by, room)

@@ -37,8 +37,8 @@ def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: 
 
 @inner_kernel
 def smooth_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
-    """As `natural_map`, with a projection P_s of which no slope jumps, and which tends to P with s, a force in
-    the units of x."""
+    """As `natural_map`, with a projection P_s whose slope does not jump, and which tends to P with s, a
+    force in the units of x."""
     if kind == cone.KIND:
         cone.smooth_map(law, d, x, u, s, F, S)
     elif kind == interval.KIND:
