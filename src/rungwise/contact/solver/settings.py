@@ -31,3 +31,9 @@ NOTHING = 1e-12
 """Part of the greatest rate, and of what the greatest force does in a row of balance, that is no motion."""
 WIDE = 60
 """Velocities from which on the matrix is kept by its blocks."""
+SMOOTH, FINEST = 1.0, 1e-9
+"""Smoothing of the map at the begin and at the end of a path, as a force in the units of the groups."""
+FASTER, SLOWER = 0.2, 0.9
+"""First factor on the smoothing; and the factor that is too near to one to go on."""
+PATH, SHORT = 80, 6
+"""Points of a path, and Newton steps of each, at most."""

@@ -4,9 +4,10 @@ Algorithm: of a start, Newton's method first takes the active set that its force
 problems, each about the answer of the one before, until the residual, which is the judge's, is within the
 goal. Rest by the forces given is judged before. The map looks ahead with force over rate of the
 iterate, as the judge measures both, so that neither is lost beside the other; where a start leads nowhere,
-with those of the problem, loads over demanded rates; then from nothing.
+with those of the problem, loads over demanded rates. Then it starts from the end of a path: projections are
+smoothed, less and less, about the last point of the path.
 Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
-Optim. 14 (1976) 877-898.
+Optim. 14 (1976) 877-898; Chen and Harker, SIAM J. Matrix Anal. Appl. 14 (1993) 1168-1190 (the path).
 Accepts: H positive definite. Promises: the least residual met, computed from the problem.
 """
 
@@ -22,6 +23,8 @@ from rungwise.contact.solver.settings import (
     CHANGE,
     ENDLESS,
     ENOUGH,
+    FASTER,
+    FINEST,
     GOAL,
     GUESS,
     GUESSES,
@@ -30,8 +33,12 @@ from rungwise.contact.solver.settings import (
     LENGTHS,
     MOST,
     NOTHING,
+    PATH,
     PROBLEMS,
     ROUNDING,
+    SHORT,
+    SLOWER,
+    SMOOTH,
     STEPS,
     WEDGED,
     WEIGHT,
@@ -50,9 +57,6 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
     Newton steps at most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
-    warm = False
-    for r in range(len(x)):
-        warm |= x[r] != 0.0
     room.least[0] = math.inf
     _clear(v)
     found = measure(g, x, v, room)
@@ -276,27 +280,26 @@ def _follow(g: Groups, by: int, x: Reals, v: Reals, room: Room, halt: Ints, coun
     set_pace(g, by, room)
     copy(x, xc)
     copy(v, vc)
-    smooth, factor, last = 1.0, 0.2, 1.0
-    for step in range(80):
+    smooth = last = SMOOTH
+    factor = FASTER
+    for problem in range(PATH):
         if _ends(halt, count):
             break
-        reached = descend(g, LEAST, smooth, LENGTHS, 6, 0.1 * smooth, x, v, xc, vc, room, halt, count)
-        if reached <= smooth:
+        goal = 0.1 * smooth
+        if descend(g, LEAST, smooth, LENGTHS, SHORT, goal, x, v, xc, vc, room, halt, count) <= smooth:
             copy(x, xc)
             copy(v, vc)
-            last = smooth
-            if smooth <= 1e-9:
+            if smooth <= FINEST:
                 break
-            smooth *= factor
-            factor = max(0.1, 0.8 * factor)
+            last, smooth, factor = smooth, smooth * factor, max(0.8 * factor, CHANGE)
+            continue
+        copy(xc, x)
+        copy(vc, v)
+        if problem == 0:
+            last = smooth = SMOOTH / CHANGE
+        elif factor > SLOWER:
+            break
         else:
-            copy(xc, x)
-            copy(vc, v)
-            if step == 0 or factor > 0.9:
-                if step == 0:
-                    smooth *= 10.0
-                    continue
-                break
             factor = math.sqrt(factor)
             smooth = last * factor
 
