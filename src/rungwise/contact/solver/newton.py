@@ -135,7 +135,7 @@ def evaluate(g: Groups, weight: float, x: Reals, v: Reals, xc: Reals, vc: Reals,
                 own += g.R[k, i, j] * x[first + j]
             y[first + i] = own
             a[i], b[i] = force, pace[k] * own
-        room.mode[k] = natural_map(g.kind[k], g.law[k], d, a, b, F[first:], S[k])
+        room.mode[k] = natural_map(g.kind[k], g.law[k], g.numbers, d, a, b, F[first:], S[k])
         for i in range(d):
             total += F[first + i] * F[first + i]
     for i in range(len(v)):

@@ -25,7 +25,6 @@ from rungwise.models.limit import (
 )
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import solve_scratch, start_scratch
-from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.notes import note, note_start, notes_all
@@ -274,10 +273,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     noted = scratch.hard.shape[0] > 0
     if noted:
         note_start(problem, sizes, scratch)
-    if state.clock[0].surfaces and terms.exact.shape[0] > 0:
-        status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
-    else:
-        status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
+    status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
     if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):
         note(problem, sizes, terms.surface, status, stage, state, scratch)

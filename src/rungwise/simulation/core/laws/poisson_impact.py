@@ -19,7 +19,6 @@ from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.simulation.core.chains import solve_scratch
-from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.state import IMPULSIVE, Trial, columns_of, sizes_in
 from rungwise.system.entries import is_crowded
 
@@ -140,10 +139,7 @@ def _solve(trial: Trial, sizes: Sizes) -> int:
     """Solve the problem of expansion, and add the impulses of both phases."""
     _, _, terms, contacts, state, scratch, problem = trial
     clock, d = state.clock[0], problem.R.shape[1]
-    if clock.surfaces and terms.exact.shape[0] > 0:
-        status, found, _ = solve_exact(sizes, terms, state, scratch, problem)
-    else:
-        status, found, _ = solve_scratch(problem, sizes, terms, scratch, bool(clock.surfaces))
+    status, found, _ = solve_scratch(problem, sizes, terms, scratch, bool(clock.surfaces))
     for r in range(sizes.limited if d > 2 else 0):
         scratch.mode[contacts + r] = scratch.mode[sizes.contacts + r]
     clock.residual = max(clock.residual, found)
