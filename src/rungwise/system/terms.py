@@ -40,6 +40,8 @@ class Terms(Block):
     restitution (c,)     e
     contact_stiffness, contact_damping (c, d, d)  K, C
     deformation (c d,)   delta at the start of the step
+    skew       (c, 3)    friction that differs by direction (see `system.skew`): rows of slip, and what goes
+                         with them, are as if it did not; empty where no contact has such
     limited    (b, n)    rows S^T of force-limited drives and dry friction: lengths, as for contacts
     limit      (b,)      F
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
@@ -70,6 +72,7 @@ class Terms(Block):
     contact_stiffness: NDArray[np.float64]
     contact_damping: NDArray[np.float64]
     deformation: NDArray[np.float64]
+    skew: NDArray[np.float64]
     limited: NDArray[np.float64]
     limit: NDArray[np.float64]
     gains: NDArray[np.float64]
@@ -91,9 +94,11 @@ def allocate_terms(
     directions: int = 2,
     crowded: bool = False,
     surfaces: dict[str, NDArray[np.float64]] | None = None,
+    skewed: bool = False,
 ) -> Terms:
     """Zeroed terms for at most so many contacts and force-limited rows; `crowded`: with places of entries;
-    `surfaces`: exact and pressures, of which there are none by default."""
+    `surfaces`: exact and pressures, of which there are none by default; `skewed`:
+    friction may differ by direction."""
     n, c, d, b = coordinates, contacts, directions, limited
     return Terms(
         inertia=np.zeros((n, n)),
@@ -111,6 +116,7 @@ def allocate_terms(
         contact_stiffness=np.zeros((c, d, d)),
         contact_damping=np.zeros((c, d, d)),
         deformation=np.zeros(c * d),
+        skew=np.tile([1.0, 0.0, 1.0], (c if skewed else 0, 1)),
         limited=np.zeros((b, n)),
         limit=np.zeros(b),
         gains=np.zeros((b, 2)),

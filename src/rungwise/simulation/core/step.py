@@ -29,6 +29,7 @@ from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, e
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.notes import note, note_start, notes_all
 from rungwise.simulation.core.state import State, Trial, sizes_in
+from rungwise.system.skew import is_skew, widened
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
@@ -265,6 +266,9 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         for i in range(d):
             force = state.force[slot, i] / terms.lever[k] if state.modes[slot] != OPEN else 0.0
             scratch.contact_force[k * d + i] = force
+        if is_skew(terms.skew):
+            x, y = scratch.contact_force[k * d + 1], scratch.contact_force[k * d + 2]
+            scratch.contact_force[k * d + 1], scratch.contact_force[k * d + 2] = widened(terms.skew, k, x, y)
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     shared = bool(state.clock[0].surfaces)

@@ -115,7 +115,7 @@ class Stepper:
         self._further = None if size.laws is None else Further(size.laws, n)
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
         self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d) | {"impact": impact})
-        self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded)
+        self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded, skewed=size.skewed)
         self.problem = allocate_problem(n, size.slots, size.limited, d)
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
