@@ -144,6 +144,21 @@ def test_projections_are_the_nearest_forces_of_the_limit_surface(load: str) -> N
 
 
 @EVERY
+def test_projections_are_the_same_wherever_the_search_begins(load: str) -> None:
+    """Rates of all directions and sizes, with forces so that what is projected stays."""
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        z, angle = rng.normal(size=3) * 10.0 ** rng.uniform(-0.5, 1.0), rng.uniform(-4.0, 4.0)
+        mode, force, slope = projected(load, 1.0, angle, z)
+        u, F, S = rng.normal(size=3) * 10.0 ** rng.uniform(-9, 1), np.zeros(3), np.zeros((3, 3))
+        u = -u if rng.random() < 0.3 else force - z if rng.random() < 0.5 else u
+        numbers = np.array([1.0, math.cos(angle), math.sin(angle), 0.0])
+        assert law.natural_map(numbers, LOADS[load], z + u, u, F, S) == mode
+        np.testing.assert_allclose(z + u - F, force, atol=1e-12)
+        np.testing.assert_allclose(S, slope, atol=1e-7)
+
+
+@EVERY
 def test_forces_on_the_limit_surface_are_at_its_edge(load: str) -> None:
     """A ten-billionth within they are kept, as much beyond they are not."""
     for u in motions(100, 3):

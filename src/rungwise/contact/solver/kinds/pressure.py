@@ -47,6 +47,10 @@ HALVES = 30
 ROUNDED, NEAR = 1e-15, 1e-8
 """Size of the equation, over the force, that is rounding, and from which on one more step leaves no more."""
 
+CLOSE = 0.03
+"""Size of the equation, over the force, up to which the search begins along a motion without a look at
+others. Any number leads to the same forces."""
+
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float]
 """Symmetric, row by row from the diagonal on."""
@@ -58,7 +62,8 @@ Found = tuple[float, Vector, Matrix]
 def natural_map(law: Reals, numbers: Reals, x: Reals, u: Reals, F: Reals, S: Reals) -> int:
     """See `kinds.natural_map`; of three rows."""
     z = _turned(law[COS], -law[SIN], (x[0] - u[0], x[1] - u[1], x[2] - u[2]))
-    beyond, d, hessian = _nearest(law, numbers, law[RADIUS], z)
+    way = _turned(law[COS], -law[SIN], (-u[0], -u[1], -u[2]))
+    beyond, d, hessian = _nearest(law, numbers, law[RADIUS], z, way)
     away = _turned(law[COS], law[SIN], d)
     for i in range(3):
         F[i] = u[i] + beyond * away[i]
@@ -74,7 +79,8 @@ def natural_map(law: Reals, numbers: Reals, x: Reals, u: Reals, F: Reals, S: Rea
 def violation(law: Reals, numbers: Reals, unit: float, x: Reals, y: Reals) -> float:
     """See `kinds.violation`; of three rows."""
     z = _turned(law[COS], -law[SIN], (x[0] - y[0], x[1] - y[1], x[2] - y[2]))
-    beyond, d, _ = _nearest(law, numbers, unit * law[RADIUS], z)
+    way = _turned(law[COS], -law[SIN], (-y[0], -y[1], -y[2]))
+    beyond, d, _ = _nearest(law, numbers, unit * law[RADIUS], z, way)
     out = _turned(law[COS], law[SIN], d)
     return math.sqrt(
         (y[0] + beyond * out[0]) ** 2 + (y[1] + beyond * out[1]) ** 2 + (y[2] + beyond * out[2]) ** 2
@@ -88,16 +94,25 @@ def _turned(c: float, s: float, a: Vector) -> Vector:
 
 
 @kernel
-def _nearest(law: Reals, numbers: Reals, radius: float, z: Vector) -> tuple[float, Vector, Matrix]:
+def _nearest(
+    law: Reals, numbers: Reals, radius: float, z: Vector, way: Vector
+) -> tuple[float, Vector, Matrix]:
     """The distance h of z (3,) from r K, the direction d from there, and the Hessian of P at d; h is zero
-    where z is in r K."""
-    table = numbers[int(law[BEGIN]) :]
-    size = math.sqrt(_dot(z, z))
-    d = (z[0] / size, z[1] / size, z[2] / size) if size > 0.0 else (1.0, 0.0, 0.0)
-    found = dissipation(table, d)
+    where z is in r K. The search begins against the rates, along `way` (3,), which is the direction where
+    the law is met, or else along z, as for a ball."""
+    table, size, pace = numbers[int(law[BEGIN]) :], math.sqrt(_dot(z, z)), math.sqrt(_dot(way, way))
     if not 0.0 < size < math.inf:
-        return 0.0, d, found[2]
+        return 0.0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    along = pace > 0.0
+    d = (way[0] / pace, way[1] / pace, way[2] / pace) if along else (z[0] / size, z[1] / size, z[2] / size)
+    found = dissipation(table, d)
     gained, beyond, force, lack = _stand(radius, z, d, found)
+    if along and not (force > 0.0 and _dot(lack, lack) <= (CLOSE * size) ** 2):
+        there = (z[0] / size, z[1] / size, z[2] / size)
+        at = dissipation(table, there)
+        gain, far, own, rest = _stand(radius, z, there, at)
+        if gain > gained:
+            d, found, gained, beyond, force, lack = there, at, gain, far, own, rest
     for _ in range(TURNS):
         off = math.sqrt(_dot(lack, lack))
         if off <= ROUNDED * size or (beyond == 0.0 and force + off / INNER <= radius):
