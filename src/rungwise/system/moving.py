@@ -68,8 +68,8 @@ class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
     each other before one can be through the other; how far contacts can be looked for; whether terms say
-    where their entries are; further laws of its contacts, None where they have none (where these bounce,
-    there are twice as many slots as contacts at once); and whether friction may differ by direction."""
+    where their entries are; further laws of its contacts, None where they have none; and whether friction may
+    differ by direction."""
 
     coordinates: int
     velocities: int
