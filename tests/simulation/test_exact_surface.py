@@ -12,9 +12,11 @@ from scipy.special import ellipe, ellipk
 
 import rungwise as rw
 from rungwise.contact.solver.kinds.pressure import dissipation
-from rungwise.contact.step import allocate_problem, trim
+from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes, allocate_problem, trim
 from rungwise.kernel import Reals
+from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.limit_surface import in_boxes
+from rungwise.simulation.core.state import Scratch, scratch_arrays
 from rungwise.system.terms import allocate_terms
 from tests.contact.test_pressure import LOADS
 from tests.simulation.scaling import Units, scaled
@@ -223,6 +225,40 @@ def test_bodies_side_by_side_move_as_alone_and_meet_their_laws_to_rounding() -> 
         for coordinate, value in alone[name].final["p"].items():
             moved = together.final[name][coordinate] - (k if coordinate == "x" else 0.0)
             assert moved == pytest.approx(value, abs=1e-12), (name, coordinate)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_random_steps_of_one_body_and_one_contact_meet_the_law(load: str) -> None:
+    """Balance and dissipation of 300 steps with inertia, and of 300 in the limit without, from nothing."""
+    n, table = 3, LOADS[load]
+    terms = allocate_terms(n, 1, n, surfaces={"exact": np.zeros((1, 4)), "pressures": table})
+    p, scratch = allocate_problem(n, 1, n), Scratch(**scratch_arrays(n, 1, n))
+    terms.surface[:], rng, stuck = 0, np.random.default_rng(1), 0
+    for k in range(600):
+        inertia, h = 10.0 ** rng.uniform(-3, -1, 2)
+        c, F, turn = 10.0 ** rng.uniform(-2, 0), 10.0 ** rng.uniform(-1, 1), rng.uniform(-4.0, 4.0)
+        v = rng.normal(size=3) * 10.0 ** rng.uniform(-2, 1) if k % 2 else np.zeros(3)
+        arm, give, mu = rng.uniform(-0.1, 0.1), rng.choice([0.0, 1e-3, 0.1]), rng.choice([0.0, 0.3])
+        p.H[:] = np.diag([1.0, 1.0, inertia]) / h * (1.0 if k % 2 else 1e-8 * F * h)
+        p.c[:], p.W[:], p.mu[0] = p.H @ v, [[1.0, 0.0, -arm], [0.0, 1.0, -0.1]], mu
+        p.w[:] = [-abs(rng.normal()) * 10.0 ** rng.uniform(-2, 0), 0.1 * rng.normal() if mu > 0.0 else 0.0]
+        S = np.diag([1.0, 1.0, c])
+        p.R[0], p.S[:], p.F[:] = give * np.eye(2), S, F
+        terms.exact[0] = 0.0, math.cos(turn), math.sin(turn), 0.0
+        scratch.mode[:], scratch.contact_force[:], scratch.limited_force[:] = [OPEN, *[STICK] * 3], 0.0, 0.0
+        status, found, _ = solve_scratch(p, Sizes(n, 1, n), terms, scratch, True)
+        assert status == SOLVED and found < 1e-9, k
+        tau, force, u = scratch.limited_force, scratch.contact_force, S @ scratch.x
+        size = max(F, np.abs(force).max(), np.abs(p.c).max())
+        np.testing.assert_allclose(p.H @ scratch.x - p.c - p.W.T @ force - S @ tau, 0.0, atol=1e-10 * size)
+        own = np.array(
+            [[math.cos(turn), math.sin(turn), 0.0], [-math.sin(turn), math.cos(turn), 0.0], [0, 0, 1]]
+        )
+        stuck += not u.any()
+        if u.any():
+            power = dissipation(table, tuple(own @ u))[0]
+            assert tau @ u == pytest.approx(-F * power, rel=1e-9, abs=1e-12 * F)
+    assert 20 < stuck < 200
 
 
 def test_what_may_be_proved_without_the_law_has_room_for_all_its_forces() -> None:
