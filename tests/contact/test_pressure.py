@@ -202,6 +202,6 @@ def test_violation_is_the_distance_from_the_projection(load: str) -> None:
 
 
 def test_the_ball_that_counts_as_within_is_within() -> None:
-    """So thin that the bound is nearly met: P of a slide across, with a turn about a place far along it."""
+    """Nowhere is less dissipated than by a ball of this radius."""
     for load in LOADS:
         assert min(power(load, u) / np.linalg.norm(u) for u in motions(2000, 6)) > law.INNER

@@ -18,7 +18,8 @@ from rungwise.simulation.core.chains import solve_scratch
 from rungwise.simulation.core.limit_surface import in_boxes
 from rungwise.simulation.core.state import Scratch, scratch_arrays
 from rungwise.system.terms import allocate_terms
-from tests.contact.test_pressure import LOADS
+from rungwise.world.planar.surroundings import PlanarSurroundings
+from tests.contact.test_pressure import LOADS, turned
 from tests.simulation.scaling import Units, scaled
 
 R, MU, G = 0.1, 0.3, 10.0
@@ -251,12 +252,9 @@ def test_random_steps_of_one_body_and_one_contact_meet_the_law(load: str) -> Non
         tau, force, u = scratch.limited_force, scratch.contact_force, S @ scratch.x
         size = max(F, np.abs(force).max(), np.abs(p.c).max())
         np.testing.assert_allclose(p.H @ scratch.x - p.c - p.W.T @ force - S @ tau, 0.0, atol=1e-10 * size)
-        own = np.array(
-            [[math.cos(turn), math.sin(turn), 0.0], [-math.sin(turn), math.cos(turn), 0.0], [0, 0, 1]]
-        )
         stuck += not u.any()
         if u.any():
-            power = dissipation(table, tuple(own @ u))[0]
+            power = dissipation(table, tuple(turned(turn).T @ u))[0]
             assert tau @ u == pytest.approx(-F * power, rel=1e-9, abs=1e-12 * F)
     assert 20 < stuck < 200
 
@@ -271,6 +269,21 @@ def test_what_may_be_proved_without_the_law_has_room_for_all_its_forces() -> Non
     boxed = in_boxes(trim(problem, 3, 0, 3), terms, 1.5 * force)
     assert np.linalg.norm(force) > 1.04
     assert np.abs(np.linalg.solve(boxed.S.T, 2.0 * force)).max() <= 2.0
+
+
+def test_planners_balance_by_the_ellipsoid_whatever_carries_a_body() -> None:
+    """Rows of a few points are of no use to them: they take those of one body for one surface."""
+    pressure = {"kind": "points", "points": [[R, 0.0], [-R, 0.02], [0.0, R]], "weights": [1.0, 2.0, 0.5]}
+    found = []
+    for surface in ("ellipsoid", "exact"):
+        data = lying(0.0, 0.0, pressure, heading=0.3)
+        data["bodies"]["p"]["support"]["limit_surface"] = surface
+        scene = rw.load(data)
+        around = PlanarSurroundings(scene, scene.parameters())
+        found.append(around.touches(rw.State.of(scene).q, 0.0).supports)
+    assert found[0].rows.shape == (3, 3)
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_law_without_pressure_is_refused_in_a_line() -> None:

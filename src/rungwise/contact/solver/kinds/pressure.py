@@ -28,10 +28,11 @@ from rungwise.kernel import Reals, inner_kernel, kernel
 KIND = 5
 RADIUS, COS, SIN, BEGIN = 0, 1, 2, 3
 """Numbers of the law."""
-LINE, SHARE, REACH, EDGES, SPOTS, HEAD, EDGE, SPOT = 0, 1, 2, 3, 4, 5, 5, 3
+LINE, SHARE, REACH, EDGES, SPOTS = 0, 1, 2, 3, 4
 """Numbers of a pressure: 1 where edges are loaded, 0 where they bound the area that is; 1 over their length
-or area; the greatest distance of an edge's end; how many edges and spots there are. Then, how many numbers
-these are, and those of an edge and of a spot."""
+or area; the greatest distance of an edge's end; how many edges and spots there are."""
+HEAD, EDGE, SPOT = 5, 5, 3
+"""How many numbers these are, and those of an edge, and of a spot."""
 FAR = 20.0
 """Distance of the place about which a body turns, over the reach of the load, from which on spots stand for
 it."""
@@ -46,7 +47,6 @@ HALVES = 30
 """Halves of a step, at most."""
 ROUNDED, NEAR = 1e-15, 1e-8
 """Size of the equation, over the force, that is rounding, and from which on one more step leaves no more."""
-
 CLOSE = 0.03
 """Size of the equation, over the force, up to which the search begins along a motion without a look at
 others. Any number leads to the same forces."""
