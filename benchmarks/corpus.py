@@ -14,8 +14,8 @@ and prints, of the families of each kind: how many problems were recorded as sol
 solver answers with a residual within the step's tolerance, which the judge computes from the problem as
 it was given; of how many the velocities are the recorded ones; how many problems it calls solved that
 were recorded as unsolved; and the processor time of a problem in microseconds, the median. Velocities
-differ, rightly, where a problem has several answers. Where supports have their true pressure, a step
-solves in a loop around the chain, so the chain alone does not answer it.
+differ, rightly, where a problem has several answers. Where supports have their true pressure, notes do not
+know it, and answers differ.
 """
 
 from __future__ import annotations
@@ -39,10 +39,12 @@ from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step import (
     GUESS,
+    NO_SURFACES,
     SOLVED,
     TOLERANCE,
     Elimination,
     Sizes,
+    Surfaces,
     Unknowns,
     matrix_size,
 )
@@ -255,8 +257,8 @@ def step(note: Note, start: Unknowns) -> Answer:
     modes = p.R.shape[1] == 2 and sizes.n < CROWDED
     side = matrix_size(*sizes) if modes else 0
     room = Elimination(np.zeros((side, side + 1)), np.zeros(side, np.int64))
-    surface = note.surface if (note.surface != APART).any() else note.surface[:0]
-    status, _, _ = solve_problem(p, sizes, start, surface, NOWHERE, NOWHERE, room, halt)
+    surfaces = surfaces_of(note) if (note.surface != APART).any() else NO_SURFACES
+    status, _, _ = solve_problem(p, sizes, start, surfaces, NOWHERE, NOWHERE, room, halt)
     return Answer(status == SOLVED, start)
 
 
@@ -264,7 +266,7 @@ def groups(note: Note, start: Unknowns) -> Answer:
     """The contact solver alone, without guess and search of modes."""
     halt = np.zeros(1, np.int64)
     status, _, _ = solve_groups(
-        note.problem, sizes_of(note), start, CONE, note.surface, NOWHERE, NOWHERE, halt
+        note.problem, sizes_of(note), start, CONE, surfaces_of(note), NOWHERE, NOWHERE, halt
     )
     return Answer(status == SOLVED, start)
 
@@ -282,6 +284,11 @@ def by_solve(note: Note, start: Unknowns) -> Answer:
 SOLVERS: dict[str, Solver] = {"step": step, "groups": groups, "rw.solve": by_solve}
 
 
+def surfaces_of(note: Note) -> Surfaces:
+    """Rows that share an ellipsoid."""
+    return NO_SURFACES._replace(number=note.surface)
+
+
 def sizes_of(note: Note) -> Sizes:
     return Sizes(len(note.problem.c), len(note.problem.mu), len(note.problem.F))
 
@@ -296,7 +303,7 @@ def started(note: Note, cold: bool) -> Unknowns:
 def judged(note: Note, found: Unknowns) -> float:
     """The residual of an answer, from the problem as it was given."""
     return float(
-        residual_of_groups(note.problem, sizes_of(note), found, CONE, note.surface, NOWHERE, NOWHERE)
+        residual_of_groups(note.problem, sizes_of(note), found, CONE, surfaces_of(note), NOWHERE, NOWHERE)
     )
 
 

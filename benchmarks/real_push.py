@@ -43,7 +43,7 @@ OVER = {
     "dynamic-compliant": (*SUPPORT, "arm_C"),
 }
 EXACT = ("dynamic-compliant",)
-"""Rungs that are fitted with the exact limit surface, too: it takes several times as long."""
+"""Rungs that are fitted with the exact limit surface, too: a step takes twice as long."""
 OTHERS = ("mujoco", "box2d", "pymunk")
 UNITS = {"arm": (" N/m", 1.0), "arm_C": (" N s/m", 1.0), "lag": (" ms", 1e3)}
 UNITS |= dict.fromkeys(("press", "centre_x", "centre_y"), (" mm", 1e3))

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.step import solve_groups
-from rungwise.contact.step import SOLVED, ContactProblem, Sizes, Unknowns
+from rungwise.contact.step import NO_SURFACES, SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.kernel import linking_time
 
@@ -197,7 +197,7 @@ class Space:
             Sizes(m.nv, k, len(p.F)),
             Unknowns(modes, v, flat, tau),
             CONE,
-            np.empty(0, np.int64),
+            NO_SURFACES,
             EVERYWHERE,
             EVERYWHERE,
             np.zeros(1, np.int64),

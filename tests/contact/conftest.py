@@ -15,7 +15,7 @@ from rungwise.contact.solver.modes.enumerate_modes import solve_by_enumeration
 from rungwise.contact.solver.modes.mode_newton import solve_by_modes
 from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.step import solve_groups
-from rungwise.contact.step import TOLERANCE, matrix_size
+from rungwise.contact.step import NO_SURFACES, TOLERANCE, matrix_size
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
 
 Array = NDArray[np.float64]
@@ -122,9 +122,9 @@ def _run(
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
     status, nowhere = 0, np.empty((0, 4), np.int64)
     if solver == "planar":
-        status, _, _ = solve_problem(p, sizes, out, np.empty(0, np.int64), nowhere, nowhere, room, halt)
+        status, _, _ = solve_problem(p, sizes, out, NO_SURFACES, nowhere, nowhere, room, halt)
     elif solver == "groups":
-        status, _, _ = solve_groups(p, sizes, out, CONE, np.empty(0, np.int64), nowhere, nowhere, halt)
+        status, _, _ = solve_groups(p, sizes, out, CONE, NO_SURFACES, nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:

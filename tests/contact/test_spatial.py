@@ -14,21 +14,19 @@ from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns, allocate_problem
+from rungwise.contact.step.problem import NO_SURFACES, ContactProblem, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 
 Array = NDArray[np.float64]
 G, H = 9.81, 1e-3
 EVERYWHERE = np.empty((0, 4), np.int64)
 """Entries may be in any column."""
-ALONE = np.empty(0, np.int64)
-"""No rows share a ball."""
 CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
 
 
 def measured(p: ContactProblem, sizes: Sizes, found: Unknowns) -> float:
     """The residual by groups."""
-    return float(residual_of_groups(p, sizes, found, CONE, ALONE, EVERYWHERE, EVERYWHERE))
+    return float(residual_of_groups(p, sizes, found, CONE, NO_SURFACES, EVERYWHERE, EVERYWHERE))
 
 
 class Answer(NamedTuple):
@@ -55,7 +53,7 @@ def solve(
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.zeros(n) if v is None else v.copy()
     sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
-    status, found, stage = solve_groups(p, sizes, unknowns, CONE, ALONE, *where, np.zeros(1, np.int64))
+    status, found, stage = solve_groups(p, sizes, unknowns, CONE, NO_SURFACES, *where, np.zeros(1, np.int64))
     if status == SOLVED:
         assert (
             found == pytest.approx(measured(p, sizes, unknowns), rel=1e-6, abs=1e-14) and found <= TOLERANCE

@@ -119,9 +119,6 @@ REFUSED = {
     "an actuator's damping that changes": ('<motor name="m" joint="j" damping="1 1"/>', ""),
     "a flag": ("", '<option><flag spring="disable"/></option>'),
     "a fluid": ("", '<option density="1.2" viscosity="0.1"/>'),
-    "anisotropic friction": (
-        "", '<contact><pair geom1="g" geom2="h" friction="1 .5 0 0 0" condim="3"/></contact>'
-    ),
 }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import rungwise as rw
 from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.step import (
+    NO_SURFACES,
     SOLVED,
     TOLERANCE,
     ContactProblem,
@@ -88,7 +89,7 @@ def solved(
     if start is not None:
         found = Unknowns(*(part.copy() for part in start))
     nowhere = np.empty((0, 4), np.int64)
-    spans, none = spans or (nowhere, nowhere), np.empty(0, np.int64)
+    spans, none = spans or (nowhere, nowhere), NO_SURFACES
     status, error, _ = solve_problem(p, sizes_of(p), found, none, *spans, room, np.zeros(1, np.int64))
     return status, error, found
 

@@ -279,7 +279,10 @@ def test_contacts_of_new_features_are_deformed_by_what_bodies_overlap(
         modes=np.ones(1, np.int64), force=np.full((1, 2), 5.0), deformation=np.full((1, 2), 0.3)
     )
     terms: Any = SimpleNamespace(
-        deformation=np.zeros(2), gap=np.array([gap]), contact_stiffness=np.full((1, 2, 2), 1e3)
+        deformation=np.zeros(2),
+        gap=np.array([gap]),
+        contact_stiffness=np.full((1, 2, 2), 1e3),
+        skew=np.zeros((0, 3)),
     )
     scratch: Any = SimpleNamespace(slots=np.zeros(1, np.int64))
     unwrap(take_slots)(np.zeros(1, np.int64), np.array([fresh]), compliant, state, terms, scratch)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.solver.problem import solve_problem
-from rungwise.contact.step import matrix_size
+from rungwise.contact.step import NO_SURFACES, matrix_size
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints
@@ -46,7 +46,7 @@ def solve_assembled(step: ContactProblem, start: NDArray[np.float64], halt: Ints
         step,
         Sizes(n, contacts, limited),
         Unknowns(mode, v, force, tau),
-        np.empty(0, np.int64),
+        NO_SURFACES,
         nowhere,
         nowhere,
         room,

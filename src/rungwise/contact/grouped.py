@@ -158,7 +158,7 @@ def _begin(
     integers: Ints, whole: Counts, scratch: Ints,
 ) -> int:  # fmt: skip
     """Fill the groups, and label islands in `scratch`; returns how many there are."""
-    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
+    g, members = groups_in(reals, integers, whole, reals[:0]), whole.n + whole.groups
     spare = scratch[2 * members + 2 * whole.n :]
     g.noise[0] = noise
     _fill_balance(A, b, laws, velocities, g)
@@ -246,10 +246,10 @@ def _cut(
     own_integers: Ints,
 ) -> Counts:  # fmt: skip
     """Fill the groups of an island, and its velocities in `scratch`."""
-    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
+    g, members = groups_in(reals, integers, whole, reals[:0]), whole.n + whole.groups
     label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
     part = count_island(g, whole, label, which, place, own)
-    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part))
+    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part, reals[:0]))
     return part
 
 
@@ -273,7 +273,7 @@ def _solve_island(
 ) -> float:  # fmt: skip
     """Solve an island from x (N,), into it; returns the residual. Its velocities are `own` (n,) of all, which
     are unknowns after the `rows` of contacts in a balance, and copies elsewhere."""
-    g, here = groups_in(reals, integers, part), room_in(room, order, part, blocks)
+    g, here = groups_in(reals, integers, part, reals[:0]), room_in(room, order, part, blocks)
     if velocities > 0:
         count_in_units(g)
     else:

@@ -68,8 +68,8 @@ class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
     each other before one can be through the other; how far contacts can be looked for; whether terms say
-    where their entries are; and further laws of its contacts, None where they have none. Where these bounce,
-    there are twice as many slots as contacts at once."""
+    where their entries are; further laws of its contacts, None where they have none; and whether friction may
+    differ by direction."""
 
     coordinates: int
     velocities: int
@@ -81,6 +81,7 @@ class Size:
     farthest: float = math.inf
     crowded: bool = False
     laws: FurtherLaws | None = None
+    skewed: bool = False
 
 
 class Crowded(InputError):

@@ -40,19 +40,17 @@ class Terms(Block):
     restitution (c,)     e
     contact_stiffness, contact_damping (c, d, d)  K, C
     deformation (c d,)   delta at the start of the step
+    skew       (c, 3)    friction that differs by direction (see `system.skew`): rows of slip, and what goes
+                         with them, are as if it did not; empty where no contact has such
     limited    (b, n)    rows S^T of force-limited drives and dry friction: lengths, as for contacts
     limit      (b,)      F
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
     account    (b,)      the account of its work: DRIVE, SUPPORT or JOINT
     surface    (b,)      rows of the same number share a limit surface, sum (tau / F)^2 <= 1; APART: none
-    exact      (m, 10)   limit surfaces of a pressure in place of the ellipsoid: their first row (-1: none),
-                         cosine and sine of the body's angle, the length of the third row, which is one of an
-                         angle, the first of their edges and the end of these, the same of their spots,
-                         whether the edges are loaded, or bound the area that is, and 1 over their length or
-                         area, in the unit of that length
-    edges      (e, 4)    straight edges, from the centre of pressure in the body's frame, x and y of both ends
-    spots      (k, 3)    x, y and part of the load of each spot that stands for it
+    exact      (m, 4)    limit surfaces of a pressure in place of the ellipsoid: their first row (-1: none),
+                         cosine and sine of the body's angle, and where their numbers begin in `pressures`
+    pressures  (p,)      numbers of pressures (see `contact.solver.kinds.pressure`)
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     low        (1,)      height: an approach after which loads let nothing bounce higher is rest
@@ -74,6 +72,7 @@ class Terms(Block):
     contact_stiffness: NDArray[np.float64]
     contact_damping: NDArray[np.float64]
     deformation: NDArray[np.float64]
+    skew: NDArray[np.float64]
     limited: NDArray[np.float64]
     limit: NDArray[np.float64]
     gains: NDArray[np.float64]
@@ -81,8 +80,7 @@ class Terms(Block):
     account: NDArray[np.int64]
     surface: NDArray[np.int64]
     exact: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    spots: NDArray[np.float64]
+    pressures: NDArray[np.float64]
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
     low: NDArray[np.float64]
@@ -96,9 +94,11 @@ def allocate_terms(
     directions: int = 2,
     crowded: bool = False,
     surfaces: dict[str, NDArray[np.float64]] | None = None,
+    skewed: bool = False,
 ) -> Terms:
     """Zeroed terms for at most so many contacts and force-limited rows; `crowded`: with places of entries;
-    `surfaces`: exact, edges and spots, of which there are none by default."""
+    `surfaces`: exact and pressures, of which there are none by default; `skewed`:
+    friction may differ by direction."""
     n, c, d, b = coordinates, contacts, directions, limited
     return Terms(
         inertia=np.zeros((n, n)),
@@ -116,13 +116,14 @@ def allocate_terms(
         contact_stiffness=np.zeros((c, d, d)),
         contact_damping=np.zeros((c, d, d)),
         deformation=np.zeros(c * d),
+        skew=np.tile([1.0, 0.0, 1.0], (c if skewed else 0, 1)),
         limited=np.zeros((b, n)),
         limit=np.zeros(b),
         gains=np.zeros((b, 2)),
         error=np.zeros((b, 2)),
         account=np.zeros(b, np.int64),
         surface=np.full(b, APART),
-        **(surfaces or {"exact": np.zeros((0, 10)), "edges": np.zeros((0, 4)), "spots": np.zeros((0, 3))}),
+        **(surfaces or {"exact": np.zeros((0, 4)), "pressures": np.zeros(0)}),
         rounding=np.zeros(1),
         pause=np.zeros(1),
         low=np.zeros(1),

@@ -17,7 +17,7 @@ import numpy as np
 
 from rungwise.contact.solver.kinds.associated import KIND as ASSOCIATED
 from rungwise.contact.solver.step import solve_groups
-from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import SOLVED
 from rungwise.kernel import Ints, allocating_kernel, kernel
 
@@ -34,13 +34,13 @@ def start_associated(
     problem: ContactProblem,
     sizes: Sizes,
     unknowns: Unknowns,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
 ) -> bool:
     """Fill modes, velocities and forces; returns whether the convex problems had a solution; none has once
-    `halt` (1,) is set. `surface`, `columns` and `couplings`: see `solve_groups`."""
+    `halt` (1,) is set. `surfaces`, `columns` and `couplings`: see `solve_groups`."""
     n, contacts, d = sizes.n, sizes.contacts, problem.R.shape[1]
     p, slip = problem, np.zeros(contacts)
     offset, pace = p.w[: d * contacts].copy(), _pace(p, n, contacts)
@@ -52,7 +52,7 @@ def start_associated(
     for _ in range(ROUNDS):
         for k in range(contacts):
             p.w[d * k] = offset[d * k] + p.mu[k] * slip[k]
-        status, _, _ = solve_groups(p, sizes, unknowns, ASSOCIATED, surface, columns, couplings, halt)
+        status, _, _ = solve_groups(p, sizes, unknowns, ASSOCIATED, surfaces, columns, couplings, halt)
         ended = status == SOLVED
         if not ended:
             break

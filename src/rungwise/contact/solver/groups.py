@@ -14,11 +14,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solver.kinds import ball, free, interval, is_cone, restricts_rates
-from rungwise.contact.step.problem import ContactProblem, Sizes
+from rungwise.contact.solver.kinds import ball, forces_of, free, interval, pressure, restricts_rates
+from rungwise.contact.step.problem import (
+    EXACT_BEGIN,
+    EXACT_COS,
+    EXACT_ROW,
+    EXACT_SIN,
+    ContactProblem,
+    Sizes,
+    Surfaces,
+)
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
-LAW = 2
+LAW = 4
 """Numbers of a law, at most."""
 _ROOT = math.sqrt(0.5)
 
@@ -41,11 +49,11 @@ class Groups(NamedTuple):
     """n velocities, g groups, and their rows.
 
     H_first (n + 1,), H_column, H: the matrix H, row by row; diagonal (n,) of H; c (n,); kind (g,); law (g,
-    LAW); row (g + 1,): where the rows of groups begin; first (g + 1,): where the velocities begin in
-    `column` that a group touches; entry (g + 1,): where its part of W and of C begins, row by row; R (g, d,
-    d); w (rows,); origin (rows,): row of the problem, limited ones after those of contacts; unit (n,), force
-    and rate (rows,): a velocity, force and rate of the problem over one here; noise (1,): a rate of the
-    problem that is rounding.
+    LAW); numbers that laws refer to; row (g + 1,): where the rows of groups begin; first (g + 1,): where the
+    velocities begin in `column` that a group touches; entry (g + 1,): where its part of W and of C begins,
+    row by row; R (g, d, d); w (rows,); origin (rows,): row of the problem, limited ones after those of
+    contacts; unit (n,), force and rate (rows,): a velocity, force and rate of the problem over one here;
+    noise (1,): a rate of the problem that is rounding.
     """
 
     H_first: Ints
@@ -55,6 +63,7 @@ class Groups(NamedTuple):
     c: Reals
     kind: Ints
     law: Reals
+    numbers: Reals
     row: Ints
     first: Ints
     column: Ints
@@ -83,8 +92,9 @@ def integers_of(k: Counts) -> int:
 
 
 @inner_kernel
-def groups_in(reals: Reals, integers: Ints, k: Counts) -> Groups:
-    """Groups whose arrays are parts of two: to allocate them one by one takes longer than to solve."""
+def groups_in(reals: Reals, integers: Ints, k: Counts, numbers: Reals) -> Groups:
+    """Groups whose arrays are parts of two, but for the numbers that laws refer to: to allocate them one by
+    one takes longer than to solve."""
     n, groups, rows, d = k.n, k.groups, k.rows, k.d
     i = integers
     H_first, i = i[: n + 1], i[n + 1 :]
@@ -102,15 +112,18 @@ def groups_in(reals: Reals, integers: Ints, k: Counts) -> Groups:
     C, r = (r[: k.apart], r[k.apart :]) if k.apart > 0 else (W, r)
     w, force, rate, noise = r[:rows], r[rows : 2 * rows], r[2 * rows : 3 * rows], r[3 * rows : 3 * rows + 1]
     return Groups(
-        H_first, H_column, H, diagonal, c, kind, law, row, first, column, entry, W, C, R, w, origin, unit,
-        force, rate, noise,
+        H_first, H_column, H, diagonal, c, kind, law, numbers, row, first, column, entry, W, C, R, w, origin,
+        unit, force, rate, noise,
     )  # fmt: skip
 
 
 @kernel
-def count_groups(p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, couplings: Ints) -> Counts:
+def count_groups(
+    p: ContactProblem, sizes: Sizes, surfaces: Surfaces, columns: Ints, couplings: Ints
+) -> Counts:
     """What `fill_groups` will need room for."""
     n, contacts, limited = sizes
+    surface = surfaces.number
     d, filled, touched, entries, groups = p.R.shape[1], 0, 0, 0, contacts
     most = d if contacts > 0 else 1
     for i in range(n):
@@ -137,13 +150,19 @@ def count_groups(p: ContactProblem, sizes: Sizes, surface: Ints, columns: Ints, 
 
 @kernel
 def fill_groups(
-    p: ContactProblem, sizes: Sizes, law: int, surface: Ints, columns: Ints, couplings: Ints, g: Groups
+    p: ContactProblem,
+    sizes: Sizes,
+    law: int,
+    surfaces: Surfaces,
+    columns: Ints,
+    couplings: Ints,
+    g: Groups,
 ) -> None:
-    """The groups of a step's problem: contacts of the kind `law`, then limited rows, of which those with
-    the same number in `surface` (limited,), not negative, share a ball. Contact k has entries in the
-    columns of two spans, `columns` (k, 4), a row of H in the stretch `couplings` (n, 2), or anywhere,
-    where these are empty."""
+    """The groups of a step's problem: contacts of the kind `law`, then limited rows, of which those of one
+    surface share a force. Contact k has entries in the columns of two spans, `columns` (k, 4), a row of H in
+    the stretch `couplings` (n, 2), or anywhere, where these are empty."""
     n, contacts, limited = sizes
+    surface = surfaces.number
     d, at = p.R.shape[1], 0
     g.noise[0] = p.quantum[0]
     g.H_first[0] = g.row[0] = g.first[0] = g.entry[0] = 0
@@ -193,12 +212,24 @@ def fill_groups(
             g.R[count, i, i] = part * part * p.R_s[m]
             i += 1
         if len(surface) > 0 and surface[r] >= 0:
-            g.kind[count], g.law[count, 0], g.law[count, 1] = ball.KIND, p.F[r], 0.0
+            _take_surface(surfaces, r, p.F[r], g, count)
         elif math.isfinite(p.F[r]):
             g.kind[count], g.law[count, 0], g.law[count, 1] = interval.KIND, -p.F[r], p.F[r]
         else:
             g.kind[count], g.law[count, 0], g.law[count, 1] = free.KIND, 0.0, 0.0
         count += 1
+
+
+@inner_kernel
+def _take_surface(surfaces: Surfaces, r: int, radius: float, g: Groups, k: int) -> None:
+    """Let group k, whose first limited row is r, be a ball, or the limit surface of a pressure."""
+    g.kind[k], g.law[k, 0] = ball.KIND, radius
+    for m in range(surfaces.exact.shape[0]):
+        if surfaces.exact[m, EXACT_ROW] == r:
+            g.kind[k] = pressure.KIND
+            g.law[k, pressure.COS] = surfaces.exact[m, EXACT_COS]
+            g.law[k, pressure.SIN] = surfaces.exact[m, EXACT_SIN]
+            g.law[k, pressure.BEGIN] = surfaces.exact[m, EXACT_BEGIN]
 
 
 @inner_kernel
@@ -311,7 +342,7 @@ def count_in_units(g: Groups) -> None:
                 g.R[k, i - first, j] *= force * force
             g.rate[i] = size / g.force[i]
             g.force[i] *= size
-        for i in range(0 if is_cone(g.kind[k]) else LAW):
+        for i in range(forces_of(g.kind[k])):
             g.law[k, i] /= force * size
     for i in range(n):
         g.unit[i] *= size

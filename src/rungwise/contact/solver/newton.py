@@ -149,9 +149,9 @@ def evaluate(
             y[first + i] = own
             a[i], b[i] = force, pace[k] * own
         if smooth > 0.0:
-            smooth_map(g.kind[k], g.law[k], d, a, b, smooth, F[first:], S[k])
+            smooth_map(g.kind[k], g.law[k], g.numbers, d, a, b, smooth, F[first:], S[k])
         else:
-            room.mode[k] = natural_map(g.kind[k], g.law[k], d, a, b, F[first:], S[k])
+            room.mode[k] = natural_map(g.kind[k], g.law[k], g.numbers, d, a, b, F[first:], S[k])
         for i in range(d):
             total += F[first + i] * F[first + i]
     for i in range(len(v)):

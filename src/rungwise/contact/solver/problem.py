@@ -14,7 +14,7 @@ from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count,
 from rungwise.contact.solver.modes.exertion import WEDGED, exertion
 from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK, clear
-from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Unknowns
+from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, imported_kernel, kernel
 
@@ -31,7 +31,7 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
@@ -45,17 +45,17 @@ def solve_problem(
     problem: ContactProblem,
     sizes: Sizes,
     unknowns: Unknowns,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     room: Elimination,
     halt: Ints,
 ) -> tuple[int, float, int]:
     """Solve, starting from `mode`, v, `force` and `tau`, into these; returns (status, residual, what
-    answered). It ends without when halt (1,) is set. `surface`, `columns` and `couplings`: see
+    answered). It ends without when halt (1,) is set. `surfaces`, `columns` and `couplings`: see
     `solve_groups`; `room` is too small (see `matrix_size`) where no modes are guessed or searched."""
     fits = len(room.order) >= sizes.n + 2 * sizes.contacts + sizes.limited + SPARE
-    by_modes = fits and problem.R.shape[1] == 2 and len(surface) == 0
+    by_modes = fits and problem.R.shape[1] == 2 and len(surfaces.number) == 0
     if by_modes:
         size = _determined_size(problem, sizes, unknowns.mode)
         if 0 < size <= LARGE:
@@ -67,7 +67,7 @@ def solve_problem(
                 return SOLVED, found, GUESS
             if not near:
                 spread(sizes, forces, v, unknowns)
-    status, found, stage = solve_groups(problem, sizes, unknowns, CONE, surface, columns, couplings, halt)
+    status, found, stage = solve_groups(problem, sizes, unknowns, CONE, surfaces, columns, couplings, halt)
     if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
         return status, found, stage
     touching = mode_count(problem, sizes, False) > MAX_MODES

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import free, is_cone, restricts_rates, violation
+from rungwise.contact.solver.kinds import forces_of, free, restricts_rates, violation
 from rungwise.kernel import Reals, kernel
 
 FLOOR = 1e-6
@@ -91,7 +91,7 @@ def residual(
         per = per_rest if g.kind[k] == free.KIND else per_rate
         for i in range(d):
             a[i], b[i] = x[first + i] * g.force[first] * per_force, y[first + i] * g.rate[first] * per
-        worst = max(worst, violation(g.kind[k], g.law[k], g.force[first] * per_force, d, a, b))
+        worst = max(worst, violation(g.kind[k], g.law[k], g.numbers, g.force[first] * per_force, d, a, b))
     return worst
 
 
@@ -108,7 +108,7 @@ def called(g: Groups) -> float:
             own = g.R[k, r - first, r - first]
             rate = max(abs(g.w[r]), g.noise[0] / g.rate[r])
             greatest = max(greatest, rate / min(own, 1.0) if own > 0.0 else rate)
-        if not is_cone(g.kind[k]):
+        if forces_of(g.kind[k]) > 0:
             greatest = max(greatest, abs(g.law[k, 0]))
     return greatest
 

@@ -22,7 +22,7 @@ from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_block
 from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
 from rungwise.contact.solver.solve import BY_ITERATE, measure, set_pace, solve
 from rungwise.contact.step.modes import clear
-from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -33,34 +33,45 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
 ) -> tuple[int, float, int]:
     """Solve from the forces and velocities given, into these and the modes; returns (status, residual,
     what answered), where the contacts are of the kind `law`. It ends without an answer when halt (1,) is
-    set. `surface`, `columns` and `couplings`: see `fill_groups`."""
+    set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
         if not p.H[i, i] > 0.0:
             return NO_SOLUTION, math.inf, GUESS
-    whole = count_groups(p, sizes, surface, columns, couplings)
+    whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count = np.array([0, 0, 0, NEWTON_STEPS])
+    count, numbers = np.array([0, 0, 0, NEWTON_STEPS]), surfaces.pressures
     order = np.empty(members, np.int64)
-    apart = _begin(p, sizes, law, surface, columns, couplings, reals, integers, whole, scratch)
+    apart = _begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
     if apart > 1:
         own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
     for which in range(apart):
         if apart > 1:
-            part = _cut(reals, integers, whole, scratch, which, own_reals, own_integers)
+            part = _cut(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
         rows = d * sizes.contacts
         if part.n < WIDE:
             found = _solve_few(
-                own_reals, own_integers, part, scratch, room, order, unknowns, sizes, rows, halt, count
+                own_reals,
+                own_integers,
+                part,
+                numbers,
+                scratch,
+                room,
+                order,
+                unknowns,
+                sizes,
+                rows,
+                halt,
+                count,
             )
         else:
             blocks = plan_blocks(own_integers, part)
@@ -68,6 +79,7 @@ def solve_groups(
                 own_reals,
                 own_integers,
                 part,
+                numbers,
                 scratch,
                 room,
                 order,
@@ -85,7 +97,7 @@ def solve_groups(
     if not solved:
         clear(d, sizes, unknowns)
     if not solved or apart > 1:
-        worst = residual_of_groups(p, sizes, unknowns, law, surface, columns, couplings)
+        worst = residual_of_groups(p, sizes, unknowns, law, surfaces, columns, couplings)
     return SOLVED if solved else NO_SOLUTION, worst, PROXIMAL if count[1] > apart else GUESS
 
 
@@ -95,17 +107,17 @@ def residual_of_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
 ) -> float:
     """The residual of an answer (see `residual`); inf where forces exceed by far what the problem calls
     for."""
-    whole = count_groups(p, sizes, surface, columns, couplings)
+    whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     room, scratch = np.empty(room_of(whole)), np.empty(3 * whole.n + 3 * whole.groups, np.int64)
     return _measure(
-        p, sizes, unknowns, law, surface, columns, couplings, reals, integers, whole, room, scratch
+        p, sizes, unknowns, law, surfaces, columns, couplings, reals, integers, whole, room, scratch
     )
 
 
@@ -114,7 +126,7 @@ def _begin(
     p: ContactProblem,
     sizes: Sizes,
     law: int,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     reals: Reals,
@@ -124,8 +136,8 @@ def _begin(
 ) -> int:
     """Fill the groups, and label islands in `scratch`, where all velocities are an island's own at first;
     returns how many there are."""
-    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
-    fill_groups(p, sizes, law, surface, columns, couplings, g)
+    g, members = groups_in(reals, integers, whole, surfaces.pressures), whole.n + whole.groups
+    fill_groups(p, sizes, law, surfaces, columns, couplings, g)
     for i in range(whole.n):
         scratch[2 * members + i] = i
     return label_islands(g, scratch[:members], scratch[members : 2 * members])
@@ -136,16 +148,17 @@ def _cut(
     reals: Reals,
     integers: Ints,
     whole: Counts,
+    numbers: Reals,
     scratch: Ints,
     which: int,
     own_reals: Reals,
     own_integers: Ints,
 ) -> Counts:
     """Fill the groups of an island, and its velocities in `scratch`."""
-    g, members = groups_in(reals, integers, whole), whole.n + whole.groups
+    g, members = groups_in(reals, integers, whole, numbers), whole.n + whole.groups
     label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
     part = count_island(g, whole, label, which, place, own)
-    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part))
+    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part, numbers))
     return part
 
 
@@ -154,6 +167,7 @@ def _solve_few(
     reals: Reals,
     integers: Ints,
     part: Counts,
+    numbers: Reals,
     scratch: Ints,
     room: Reals,
     order: Ints,
@@ -166,7 +180,9 @@ def _solve_few(
     """As `_solve_part`, where the matrix is dense."""
     blocks = no_blocks(integers, reals)
     return float(
-        _solve_part(reals, integers, part, scratch, room, order, blocks, unknowns, sizes, rows, halt, count)
+        _solve_part(
+            reals, integers, part, numbers, scratch, room, order, blocks, unknowns, sizes, rows, halt, count
+        )
     )
 
 
@@ -175,6 +191,7 @@ def _solve_part(
     reals: Reals,
     integers: Ints,
     part: Counts,
+    numbers: Reals,
     scratch: Ints,
     room: Reals,
     order: Ints,
@@ -186,7 +203,7 @@ def _solve_part(
     count: Ints,
 ) -> float:
     """Solve an island from the problem's unknowns into these; returns the residual."""
-    g, here = groups_in(reals, integers, part), room_in(room, order, part, blocks)
+    g, here = groups_in(reals, integers, part, numbers), room_in(room, order, part, blocks)
     own = scratch[len(scratch) - 2 * sizes.n :]
     count_in_units(g)
     _take(g, own, unknowns, rows, here.x, here.v)
@@ -201,7 +218,7 @@ def _measure(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     reals: Reals,
@@ -210,8 +227,8 @@ def _measure(
     room: Reals,
     scratch: Ints,
 ) -> float:
-    g = groups_in(reals, integers, whole)
-    fill_groups(p, sizes, law, surface, columns, couplings, g)
+    g = groups_in(reals, integers, whole, surfaces.pressures)
+    fill_groups(p, sizes, law, surfaces, columns, couplings, g)
     count_in_units(g)
     here, own = room_in(room, scratch, whole, no_blocks(scratch, room)), scratch[whole.n + whole.groups :]
     for i in range(whole.n):

@@ -2,9 +2,15 @@
 
 from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
 from rungwise.contact.step.problem import (
+    EXACT_BEGIN,
+    EXACT_COS,
+    EXACT_ROW,
+    EXACT_SIN,
+    NO_SURFACES,
     ContactProblem,
     Elimination,
     Sizes,
+    Surfaces,
     Unknowns,
     allocate_problem,
     keep_contacts,
@@ -14,7 +20,8 @@ from rungwise.contact.step.problem import (
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SEARCH, SOLVED, TOLERANCE
 
 __all__ = [
-    "ANY", "BACKWARD", "FORWARD", "GUESS", "NAMES", "NO_SOLUTION", "OPEN", "PROXIMAL", "SEARCH", "SOLVED",
-    "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
-    "keep_contacts", "matrix_size", "trim",
+    "ANY", "BACKWARD", "EXACT_BEGIN", "EXACT_COS", "EXACT_ROW", "EXACT_SIN", "FORWARD", "GUESS", "NAMES",
+    "NO_SOLUTION", "NO_SURFACES", "OPEN", "PROXIMAL", "SEARCH", "SOLVED", "STICK", "TOLERANCE",
+    "ContactProblem", "Elimination", "Sizes", "Surfaces", "Unknowns", "allocate_problem", "keep_contacts",
+    "matrix_size", "trim",
 ]  # fmt: skip

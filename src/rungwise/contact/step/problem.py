@@ -52,6 +52,25 @@ class Sizes(NamedTuple):
     limited: int
 
 
+EXACT_ROW, EXACT_COS, EXACT_SIN, EXACT_BEGIN = 0, 1, 2, 3
+"""Columns of `Surfaces.exact`."""
+
+
+class Surfaces(NamedTuple):
+    """Which limited rows share a force: number (limited,), the same for rows that share, negative for a row
+    that does not; empty if none does. They share a ball, or the limit surface of a pressure (see
+    `solver.kinds.pressure`), of which there are m: exact (m, 4), its first row (-1: none), cosine and sine of
+    the body's angle, and where its own numbers begin in `pressures`."""
+
+    number: Ints
+    exact: Reals
+    pressures: Reals
+
+
+NO_SURFACES = Surfaces(np.empty(0, np.int64), np.empty((0, 4)), np.empty(0))
+"""No rows share a force."""
+
+
 class Unknowns(NamedTuple):
     """An answer to a problem of such sizes, and before it is found the guess to start from: mode (contacts +
     limited,), v (n,), force (contacts d,) and tau (limited,)."""

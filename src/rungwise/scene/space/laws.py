@@ -110,10 +110,10 @@ def _check_static(model: mujoco.MjModel, own: NDArray[np.bool_], record: Any, pa
 
 
 def _model_friction(model: mujoco.MjModel, a: int, b: int) -> float:
-    """Sliding friction that MuJoCo gives a contact of two geoms."""
+    """Sliding friction that MuJoCo gives a contact of two geoms, the greatest of its directions."""
     for p in range(model.npair):
         if {int(model.pair_geom1[p]), int(model.pair_geom2[p])} == {a, b}:
-            return float(model.pair_friction[p, 0])
+            return float(model.pair_friction[p, :2].max())
     one, other = (float(model.geom_friction[g, 0]) for g in (a, b))
     first, second = (int(model.geom_priority[g]) for g in (a, b))
     return max(one, other) if first == second else one if first > second else other

@@ -91,7 +91,6 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
         ("a surface that moves", _of(geoms, _changing(m, "geom_surfacevel"))),
         ("armature of a tendon that runs through space", _of(tendons, _heavy_tendons(m))),
         ("a flag", _flags(m)),
-        ("anisotropic friction", _of(pairs, m.pair_friction[:, 0] != m.pair_friction[:, 1])),
         ("a fluid", fluid),
     ]
 

@@ -15,6 +15,7 @@ from rungwise.kernel import Reals, kernel, rare_kernel
 from rungwise.models.limit import STIR, greatest_load, noticed_load
 from rungwise.simulation.core.state import Scratch, Trial
 from rungwise.system.entries import fill_span, rate, stretch
+from rungwise.system.skew import is_skew
 from rungwise.system.terms import METRIC, Terms
 
 _ROUNDING = 1e-6
@@ -50,6 +51,8 @@ def _put(k: int, at: int, d: int, terms: Terms, scratch: Scratch) -> None:
     scratch.slots[at] = scratch.slots[k]
     terms.gap[at], terms.lever[at] = terms.gap[k], terms.lever[k]
     terms.friction[at], terms.restitution[at] = terms.friction[k], terms.restitution[k]
+    for i in range(3 if is_skew(terms.skew) else 0):
+        terms.skew[at, i] = terms.skew[k, i]
     for i in range(d):
         terms.deformation[d * at + i] = terms.deformation[d * k + i]
         for j in range(d):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rungwise.contact.solver.problem import solve_problem
-from rungwise.contact.step import ContactProblem, Sizes, Unknowns
+from rungwise.contact.step import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.kernel import Ints, imported_kernel, inner_kernel
 from rungwise.simulation.core.state import Scratch, elimination_in, unknowns_in
 from rungwise.system.terms import Terms
@@ -14,7 +14,7 @@ def start_associated(
     problem: ContactProblem,
     sizes: Sizes,
     unknowns: Unknowns,
-    surface: Ints,
+    surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
@@ -24,14 +24,25 @@ def start_associated(
 
 
 @inner_kernel
+def surfaces_in(terms: Terms, shared: bool) -> Surfaces:
+    """Those of the terms, if limited rows share any."""
+    return Surfaces(terms.surface if shared else terms.surface[:0], terms.exact, terms.pressures)
+
+
+@inner_kernel
 def start_scratch(
     problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch, shared: bool
 ) -> bool:
     """Let the scratch start from the forces that let bodies rest, as `start_associated`."""
     entries = terms.entries
-    surface = terms.surface if shared else terms.surface[:0]
     return start_associated(
-        problem, sizes, unknowns_in(scratch), surface, entries.columns, entries.couplings, scratch.halt
+        problem,
+        sizes,
+        unknowns_in(scratch),
+        surfaces_in(terms, shared),
+        entries.columns,
+        entries.couplings,
+        scratch.halt,
     )
 
 
@@ -39,10 +50,9 @@ def start_scratch(
 def solve_scratch(
     problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch, shared: bool
 ) -> tuple[int, float, int]:
-    """Solve as `solve_problem`; `shared`: limited rows share the balls of their surfaces."""
+    """Solve as `solve_problem`; `shared`: limited rows share surfaces."""
     entries = terms.entries
-    surface = terms.surface if shared else terms.surface[:0]
     return solve_problem(
-        problem, sizes, unknowns_in(scratch), surface, entries.columns, entries.couplings,
+        problem, sizes, unknowns_in(scratch), surfaces_in(terms, shared), entries.columns, entries.couplings,
         elimination_in(scratch), scratch.halt,
     )  # fmt: skip

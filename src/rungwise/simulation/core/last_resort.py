@@ -10,6 +10,7 @@ from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_c
 from rungwise.deadline import Deadline
 from rungwise.simulation.core.limit_surface import in_boxes
 from rungwise.simulation.core.state import Scratch, State, Trial
+from rungwise.system.skew import is_skew, squeezed
 from rungwise.system.terms import Terms
 
 IN_SPACE = 3
@@ -42,6 +43,8 @@ def ask(
             slot = scratch.slots[k]
             state.modes[slot] = STICK if force[0] > 0.0 else OPEN
             state.force[slot] = terms.lever[k] * force
+            if is_skew(terms.skew):
+                state.force[slot, 1:] = squeezed(terms.skew, k, force[1], force[2])
         scratch.limited_force[: len(answer.z)] = answer.z
         return True, None
     deadline.look_in_proof()

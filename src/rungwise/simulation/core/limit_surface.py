@@ -10,18 +10,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from rungwise.contact.step import ContactProblem, trim
+from rungwise.contact.step import EXACT_ROW, ContactProblem, trim
 from rungwise.kernel import Ints, Reals
 from rungwise.system.terms import APART, Terms
 
 
 def in_boxes(problem: ContactProblem, terms: Terms, forces: Reals) -> ContactProblem:
     """A trimmed problem in which each row of a surface has a force within an interval of its own: the box
-    about the ball, along its force of those of all limited rows (b,). What has no solution so has none."""
-    forces = forces[: len(problem.F)]
+    about the ball, along its force of those of all limited rows (b,), or about the limit surface of a
+    pressure, along its rows. What has no solution so has none."""
+    forces, pressed = forces[: len(problem.F)], terms.exact[:, EXACT_ROW]
     surface = terms.surface[: len(problem.F)]
     for each in np.unique(surface[surface != APART]):
         rows = np.flatnonzero(surface == each)
+        if rows[0] in pressed:
+            continue
         part, unit = forces[rows] / problem.F[rows], problem.F[rows[0]]
         along = (
             np.linalg.qr(np.column_stack([part, np.eye(len(rows))]))[0].T if part.any() else np.eye(len(rows))

@@ -21,8 +21,9 @@ _FIELDS = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F", "quantum")
 
 @dataclass(frozen=True, eq=False)
 class Note:
-    """A step's problem, with the supports (limited,) whose limit surfaces its limited rows belong to, if any;
-    from where its solution began, and how that ended: `stage` is the last stage of the chain."""
+    """A step's problem, with the supports (limited,) whose limit surfaces its limited rows belong to, if any
+    (as if these were ellipsoids: pressures are not noted); from where its solution began, and how that ended:
+    `stage` is the last stage of the chain."""
 
     status: int
     stage: int

@@ -15,8 +15,6 @@ from rungwise.system.terms import Terms
 
 STATIC, KINETIC, IMPULSIVE = 0, 1, 2
 """Rows of `State.laws`."""
-ELLIPSOID = 18
-"""Numbers of each limit surface of a pressure."""
 
 COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
@@ -58,8 +56,7 @@ class Scratch(Block):
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
     notes of `notes.note`, if it has room. `other` (n + 1,) is another motion
     that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
-    `impact` (2 + d, contacts) is of impacts in two phases, empty where there are none; `ellipsoid`
-    (m, 18) is of limit surfaces of a pressure (see `core.exact_surface`). `halt` (1,) is set
+    `impact` (2 + d, contacts) is of impacts in two phases, empty where there are none. `halt` (1,) is set
     from outside where the step is to be given up."""
 
     x: Reals
@@ -75,7 +72,6 @@ class Scratch(Block):
     hard: Reals
     other: Reals
     impact: Reals
-    ellipsoid: Reals
     halt: Ints
 
 
@@ -153,6 +149,5 @@ def scratch_arrays(
         "hard": np.zeros(notes),
         "other": np.append(np.zeros(n), -1.0),
         "impact": np.zeros((4, 0)),
-        "ellipsoid": np.zeros((0, ELLIPSOID)),
         "halt": np.zeros(1, np.int64),
     }

@@ -25,11 +25,11 @@ from rungwise.models.limit import (
 )
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import solve_scratch, start_scratch
-from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.notes import note, note_start, notes_all
 from rungwise.simulation.core.state import State, Trial, sizes_in
+from rungwise.system.skew import is_skew, widened
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
@@ -266,6 +266,9 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         for i in range(d):
             force = state.force[slot, i] / terms.lever[k] if state.modes[slot] != OPEN else 0.0
             scratch.contact_force[k * d + i] = force
+        if is_skew(terms.skew):
+            x, y = scratch.contact_force[k * d + 1], scratch.contact_force[k * d + 2]
+            scratch.contact_force[k * d + 1], scratch.contact_force[k * d + 2] = widened(terms.skew, k, x, y)
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     shared = bool(state.clock[0].surfaces)
@@ -274,10 +277,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     noted = scratch.hard.shape[0] > 0
     if noted:
         note_start(problem, sizes, scratch)
-    if state.clock[0].surfaces and terms.exact.shape[0] > 0:
-        status, found, stage = solve_exact(sizes, terms, state, scratch, problem)
-    else:
-        status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
+    status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
     if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):
         note(problem, sizes, terms.surface, status, stage, state, scratch)

@@ -25,7 +25,7 @@ from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
 from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
-from rungwise.simulation.core.laws.further import Further, law_arrays
+from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
 from rungwise.simulation.core.overlap import least_allowed, open_added
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
@@ -112,11 +112,12 @@ class Stepper:
         if self.rung.inertia == 0.0:
             v[:] = 0.0
         laws, impact = law_arrays(size)
+        limited = size.limited + further_rows(size)
         self._further = None if size.laws is None else Further(size.laws, n)
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
-        self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d) | {"impact": impact})
-        self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded)
-        self.problem = allocate_problem(n, size.slots, size.limited, d)
+        self.scratch = Scratch(**scratch_arrays(n, size.slots, limited, d=d) | {"impact": impact})
+        self.terms = allocate_terms(n, size.slots, limited, d, size.crowded, skewed=size.skewed)
+        self.problem = allocate_problem(n, size.slots, limited, d)
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf

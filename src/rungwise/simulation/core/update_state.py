@@ -9,6 +9,7 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.system.entries import Entries, is_crowded, spans
+from rungwise.system.skew import is_skew, squeezed, widened
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 
@@ -59,6 +60,9 @@ def take_slots(
                 state.deformation[slot, 0] = max(0.0, -terms.gap[k])
         for i in range(d):
             terms.deformation[k * d + i] = state.deformation[slot, i]
+        if is_skew(terms.skew):
+            x, y = state.deformation[slot, 1], state.deformation[slot, 2]
+            terms.deformation[k * d + 1], terms.deformation[k * d + 2] = squeezed(terms.skew, k, x, y)
 
 
 @kernel
@@ -74,6 +78,9 @@ def accept_forces(trial: Trial) -> None:
         state.modes[slot] = scratch.mode[k]
         for i in range(d):
             state.force[slot, i] = terms.lever[k] * force[k * d + i]
+        if is_skew(terms.skew):
+            x, y = force[k * d + 1], force[k * d + 2]
+            state.force[slot, 1], state.force[slot, 2] = squeezed(terms.skew, k, x, y)
     for r in range(state.clock[0].limited):
         scratch.limited_mode[r] = scratch.mode[contacts + r]
 
@@ -85,6 +92,9 @@ def _relax(trial: Trial) -> None:
     for k in range(contacts):
         if math.isfinite(terms.contact_stiffness[k, 0, 0]):
             deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
+            if is_skew(terms.skew):
+                x, y = scratch.after[1], scratch.after[2]
+                scratch.after[1], scratch.after[2] = widened(terms.skew, k, x, y)
             for i in range(scratch.after.shape[0]):
                 state.deformation[scratch.slots[k], i] = scratch.after[i]
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rungwise.contact.analysis import DATA, Sensitivity
 from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.step import (
+    NO_SURFACES,
     ContactProblem,
     Elimination,
     Sizes,
@@ -194,7 +195,7 @@ class Assembly:
             work.problem,
             Sizes(n, count, limited),
             unknowns,
-            np.empty(0, np.int64),
+            NO_SURFACES,
             nowhere,
             nowhere,
             room,

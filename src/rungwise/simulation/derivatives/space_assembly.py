@@ -62,6 +62,11 @@ class SpaceAssembly:
         except InvalidScene as error:
             raise ModelError(str(error)) from None
         rough = [law.title for law in LAWS if not law.is_smooth and law.title in titles(bound.named)]
+        if system.size.skewed:
+            raise ModelError(
+                "contacts: steps with friction that differs by direction cannot be differentiated; give these"
+                " contacts one friction"
+            )
         if rough:
             raise ModelError(f"contacts: steps with {listed(rough)} cannot be differentiated; leave them out")
         self._scene, self._bound, self._system, self.h, self._theta = scene, bound, system, float(h), theta

@@ -1,9 +1,9 @@
 """Where the load of a support lies that has the limit surface of its pressure: as edges, and as spots.
 
-An area is bounded by straight edges, arcs taken as many short ones, and a ring is as many short ones: their
-moments about a point are in closed form, also on the edge itself. Spots stand for the same load where a body
-turns about a point far away, or slides, for then those moments cancel: Gauss-Legendre quadrature along rays
-to the edges.
+An area is bounded by straight edges, arcs taken as many short ones, and a ring is as many short ones. Spots
+stand for the same load where a body turns about a point far away, or slides: Gauss-Legendre quadrature along
+the edges of a ring, and along rays to the edges of an area. A load on a few points has rows of its own (see
+`supports`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.kinds.pressure import (
+    EDGE,
+    EDGES,
+    HEAD,
+    LINE,
+    REACH,
+    SHARE,
+    SPOT,
+    SPOTS,
+)
+from rungwise.contact.step import EXACT_BEGIN, EXACT_COS, EXACT_ROW, EXACT_SIN
 from rungwise.kernel import Reals, Record, RecordArray, kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, POINTS, RING, Records
 from rungwise.system.planar.place import COS, SIN
@@ -23,116 +34,75 @@ CIRCLE = 64
 _NODES = (0.0694318442029737, 0.3300094782075719, 0.6699905217924281, 0.9305681557970263)
 _PARTS = (0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269)
 """Gauss-Legendre quadrature of 4 points on 0..1."""
-SPOTS = 16
+_PAIR = (0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0))
+"""Nodes of 2 points, of equal parts."""
+SHORT = 0.2
+"""Length of an edge over the reach of all, up to which rays to two points of it are enough."""
+MOST = 16
 """Spots of an edge, at most."""
 
 
-def sizes(records: Records) -> tuple[int, int, int]:
-    """Surfaces, edges and spots that there may be."""
-    surfaces, edges, points = 0, 0, 0
-    for support in records.supports:
-        if support["exact"]:
-            surfaces += 1
-            body = records.bodies[int(support["body"])]
-            shapes = records.shapes[int(body["first_shape"]) : int(body["end_shape"])]
-            edges += CIRCLE + sum(2 * CIRCLE + 4 * int(s["end"] - s["first"]) for s in shapes)
-            points += int(support["end"] - support["first"])
-    return surfaces, edges, points + SPOTS * edges
+def has_edges(support: Record) -> bool:
+    """Whether the load of a support has the limit surface of its pressure, and lies along edges."""
+    return bool(support["exact"] and support["pressure"] != POINTS)
 
 
 def allocate_surfaces(records: Records) -> dict[str, NDArray[np.float64]]:
-    """Zeroed `exact`, `edges` and `spots` of `Terms`."""
-    surfaces, edges, spots = sizes(records)
-    return {
-        "exact": np.full((surfaces, 10), -1.0), "edges": np.zeros((edges, 4)), "spots": np.zeros((spots, 3)),
-    }  # fmt: skip
+    """`exact` and `pressures` of `Terms`, to be filled."""
+    own, numbers = [support for support in records.supports if has_edges(support)], 0
+    for support in own:
+        body = records.bodies[int(support["body"])]
+        shapes = records.shapes[int(body["first_shape"]) : int(body["end_shape"])]
+        edges = CIRCLE + sum(2 * CIRCLE + 4 * int(s["end"] - s["first"]) for s in shapes)
+        numbers += HEAD + (EDGE + SPOT * MOST) * edges
+    return {"exact": np.full((len(own), 4), -1.0), "pressures": np.zeros(numbers)}
 
 
 @rare_kernel
 def place_surface(support: Record, pose: Reals, exact: Reals) -> None:
     """Say which rows the limit surface of a pressure has, and how its body is turned."""
-    exact[0] = support.row if support.ratio > 0.0 else -1.0
-    exact[1], exact[2] = pose[support.body, COS], pose[support.body, SIN]
+    exact[EXACT_ROW] = support.row if support.ratio > 0.0 else -1.0
+    exact[EXACT_COS], exact[EXACT_SIN] = pose[support.body, COS], pose[support.body, SIN]
 
 
 @rare_kernel
 def spread_loads(records: Records, terms: Terms) -> None:
-    """Fill in edges and spots of all surfaces, from the centres of pressure, in the bodies' frames."""
-    m, edge, spot = 0, 0, 0
+    """Fill in the numbers of all pressures."""
+    surface, begin = 0, 0
     for k in range(records.supports.shape[0]):
         support = records.supports[k]
-        if not support.exact:
-            continue
-        exact = terms.exact[m]
-        exact[3], exact[4], exact[6], exact[8] = support.ratio, edge, spot, support.pressure == RING
-        if support.pressure == POINTS:
-            spot = _points(support, records.bodies[support.body], records.spots, terms.spots, spot)
-        elif support.pressure == RING:
-            edge, spot = _ring(support.ratio, terms, edge, spot)
-        else:
-            body = records.bodies[support.body]
-            for s in range(body.first_shape, body.end_shape):
-                if records.shapes[s].kind != HALFPLANE:
-                    edge, spot = _outline(records.shapes[s], records.vertices, support, terms, edge, spot)
-        exact[5], exact[7] = edge, spot
-        _share(exact, terms)
-        m += 1
+        if support.exact and support.pressure != POINTS:
+            table = terms.pressures[begin:]
+            _draw(support, records, table)
+            _measure(support.ratio, table)
+            _spread(table)
+            terms.exact[surface, EXACT_BEGIN] = begin
+            begin += HEAD + EDGE * int(table[EDGES]) + SPOT * int(table[SPOTS])
+            surface += 1
 
 
 @kernel
-def _share(exact: Reals, terms: Terms) -> None:
-    """Let the parts of the spots add up to 1, and set what makes 1 of the whole length, or area, of the
-    edges, in the unit `ratio`."""
-    total, whole = 0.0, 0.0
-    for k in range(int(exact[6]), int(exact[7])):
-        total += terms.spots[k, 2]
-    for k in range(int(exact[6]), int(exact[7])):
-        terms.spots[k, 2] /= total
-    for k in range(int(exact[4]), int(exact[5])):
-        a, b, c, d = terms.edges[k, 0], terms.edges[k, 1], terms.edges[k, 2], terms.edges[k, 3]
-        whole += math.hypot(c - a, d - b) if exact[8] > 0.0 else 0.5 * (a * d - b * c)
-    scale = exact[3] if exact[8] > 0.0 else exact[3] * exact[3]
-    exact[9] = scale / whole if whole > 0.0 else 0.0
+def _draw(support: Record, records: Records, table: Reals) -> None:
+    """Fill in the edges."""
+    table[LINE] = 1.0 if support.pressure == RING else 0.0
+    table[EDGES] = table[SPOTS] = 0.0
+    if support.pressure == RING:
+        half = math.pi / CIRCLE
+        slope = math.asinh(math.tan(half))
+        # So that the mean distance of the edges is the radius.
+        out = support.ratio / (0.5 * (1.0 + math.cos(half) ** 2 / math.sin(half) * slope))
+        _add_arc(0.0, 0.0, out, 0.0, 2.0 * math.pi, table)
+        return
+    body = records.bodies[support.body]
+    for s in range(body.first_shape, body.end_shape):
+        if records.shapes[s].kind != HALFPLANE:
+            _add_outline(records.shapes[s], records.vertices, support, table)
 
 
 @kernel
-def _points(support: Record, body: Record, given: RecordArray, spots: Reals, at: int) -> int:
-    for k in range(support.first, support.end):
-        spots[at, 0] = given[k].x - body.centre_x - support.centre_x
-        spots[at, 1] = given[k].y - body.centre_y - support.centre_y
-        spots[at, 2] = given[k].weight
-        at += 1
-    return at
-
-
-@kernel
-def _ring(radius: float, terms: Terms, edge: int, spot: int) -> tuple[int, int]:
-    half = math.pi / CIRCLE
-    slope = math.asinh(math.tan(half))
-    # So that the mean distance of the edges is the radius.
-    out = radius / (0.5 * (1.0 + math.cos(half) ** 2 / math.sin(half) * slope))
-    for k in range(CIRCLE):
-        angle = 2.0 * k * half
-        terms.edges[edge, 0], terms.edges[edge, 1] = out * math.cos(angle), out * math.sin(angle)
-        angle += 2.0 * half
-        terms.edges[edge, 2], terms.edges[edge, 3] = out * math.cos(angle), out * math.sin(angle)
-        angle -= half
-        terms.spots[spot, 0], terms.spots[spot, 1] = radius * math.cos(angle), radius * math.sin(angle)
-        terms.spots[spot, 2] = 1.0
-        edge, spot = edge + 1, spot + 1
-    return edge, spot
-
-
-@kernel
-def _outline(
-    shape: Record, vertices: RecordArray, support: Record, terms: Terms, edge: int, spot: int
-) -> tuple[int, int]:
-    """Edges and spots of a convex shape; returns the numbers after them."""
+def _add_outline(shape: Record, vertices: RecordArray, support: Record, table: Reals) -> None:
+    """Add the edges of a convex shape."""
     first, n, radius = shape.first, shape.end - shape.first, shape.radius
-    x = y = 0.0
-    for k in range(n):
-        x += (vertices[first + k].x - support.centre_x) / n
-        y += (vertices[first + k].y - support.centre_y) / n
     for k in range(n):
         a, b = vertices[first + k], vertices[first + (k + 1) % n]
         before = vertices[first + (k + n - 1) % n]
@@ -142,37 +112,68 @@ def _outline(
             begin = math.atan2(before.normal_y, before.normal_x)
             sine = before.normal_x * a.normal_y - before.normal_y * a.normal_x
             turn = math.atan2(abs(sine), before.normal_x * a.normal_x + before.normal_y * a.normal_y)
-        pieces = math.ceil(CIRCLE * turn / (2.0 * math.pi)) if radius > 0.0 else 0
-        for p in range(pieces):
-            one, two = begin + turn * p / pieces, begin + turn * (p + 1) / pieces
-            edge, spot = _edge(
-                at_x + radius * math.cos(one), at_y + radius * math.sin(one),
-                at_x + radius * math.cos(two), at_y + radius * math.sin(two), x, y, 1, terms, edge, spot,
-            )  # fmt: skip
+        _add_arc(at_x, at_y, radius, begin, turn, table)
         if n > 1:
             out_x, out_y = radius * a.normal_x, radius * a.normal_y
-            edge, spot = _edge(
-                at_x + out_x, at_y + out_y, b.x - support.centre_x + out_x, b.y - support.centre_y + out_y,
-                x, y, 4, terms, edge, spot,
-            )  # fmt: skip
-    return edge, spot
+            to_x, to_y = b.x - support.centre_x, b.y - support.centre_y
+            _add_edge(at_x + out_x, at_y + out_y, to_x + out_x, to_y + out_y, table)
 
 
 @kernel
-def _edge(
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, rays: int, terms: Terms, edge: int,
-    spot: int,
-) -> tuple[int, int]:  # fmt: skip
-    """An edge, and spots along rays from (x, y) to it."""
-    terms.edges[edge, 0], terms.edges[edge, 1], terms.edges[edge, 2], terms.edges[edge, 3] = ax, ay, bx, by
-    swept = max((ax - x) * (by - ay) - (ay - y) * (bx - ax), 0.0)
-    for i in range(rays):
-        s = _NODES[i] if rays > 1 else 0.5
-        part = _PARTS[i] if rays > 1 else 1.0
-        for j in range(4):
-            t = _NODES[j]
-            terms.spots[spot, 0] = x + t * (ax + s * (bx - ax) - x)
-            terms.spots[spot, 1] = y + t * (ay + s * (by - ay) - y)
-            terms.spots[spot, 2] = swept * part * _PARTS[j] * t
-            spot += 1
-    return edge + 1, spot
+def _add_arc(x: float, y: float, radius: float, begin: float, turn: float, table: Reals) -> None:
+    pieces = math.ceil(CIRCLE * turn / (2.0 * math.pi)) if radius > 0.0 else 0
+    for p in range(pieces):
+        one, two = begin + turn * p / pieces, begin + turn * (p + 1) / pieces
+        _add_edge(
+            x + radius * math.cos(one), y + radius * math.sin(one),
+            x + radius * math.cos(two), y + radius * math.sin(two), table,
+        )  # fmt: skip
+
+
+@kernel
+def _add_edge(ax: float, ay: float, bx: float, by: float, table: Reals) -> None:
+    at, length = HEAD + EDGE * int(table[EDGES]), math.hypot(bx - ax, by - ay)
+    if length > 0.0:
+        table[at], table[at + 1] = ax, ay
+        table[at + 2], table[at + 3], table[at + 4] = (bx - ax) / length, (by - ay) / length, length
+        table[EDGES] += 1.0
+
+
+@kernel
+def _measure(ratio: float, table: Reals) -> None:
+    """Count edges in the unit `ratio`, and fill in how far they reach, and their share."""
+    whole, reach = 0.0, 0.0
+    for at in range(HEAD, HEAD + EDGE * int(table[EDGES]), EDGE):
+        for i in (0, 1, 4):
+            table[at + i] /= ratio
+        x, y, across, along, length = table[at], table[at + 1], table[at + 2], table[at + 3], table[at + 4]
+        reach = max(reach, math.hypot(x, y))
+        whole += length if table[LINE] > 0.0 else 0.5 * length * (x * along - y * across)
+    table[REACH], table[SHARE] = reach, 1.0 / whole
+
+
+@kernel
+def _spread(table: Reals) -> None:
+    """Fill in the spots of all edges: along these, or along rays to them from the centre."""
+    end = HEAD + EDGE * int(table[EDGES])
+    for at in range(HEAD, end, EDGE):
+        x, y, length = table[at], table[at + 1], table[at + 4]
+        along, across = table[at + 2] * length, table[at + 3] * length
+        if table[LINE] > 0.0:
+            for s in _PAIR:
+                _add_spot(x + s * along, y + s * across, 0.5 * table[SHARE] * length, end, table)
+            continue
+        swept = table[SHARE] * (x * across - y * along)
+        short = length <= SHORT * table[REACH]
+        for i in range(2 if short else 4):
+            s, part = (_PAIR[i], 0.5 * swept) if short else (_NODES[i], _PARTS[i] * swept)
+            for j in range(4):
+                t = _NODES[j]
+                _add_spot(t * (x + s * along), t * (y + s * across), part * _PARTS[j] * t, end, table)
+
+
+@kernel
+def _add_spot(x: float, y: float, part: float, begin: int, table: Reals) -> None:
+    at = begin + SPOT * int(table[SPOTS])
+    table[at], table[at + 1], table[at + 2] = x, y, part
+    table[SPOTS] += 1.0

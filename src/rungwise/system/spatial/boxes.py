@@ -182,16 +182,13 @@ def is_covered(own: Box, cover: Box, normal: Reals, away: float, pos: Reals, dis
 
 @kernel
 def fill_tangents(frame: Reals) -> None:
-    """Two tangents, right-handed, after the normal at the beginning of a frame (9,)."""
-    least, x, y, z = 0, frame[0], frame[1], frame[2]
-    for i in range(1, 3):
-        if abs(frame[i]) < abs(frame[least]):
-            least = i
-    frame[3], frame[4], frame[5] = 0.0, z, -y
-    if least == 1:
-        frame[3], frame[4], frame[5] = -z, 0.0, x
-    elif least == 2:
-        frame[3], frame[4], frame[5] = y, -x, 0.0
+    """Two tangents, right-handed, after the normal at the beginning of a frame (9,), as MuJoCo has them:
+    friction may differ along them. The first is next to the axis y, or to z where the normal is near y."""
+    x, y, z = frame[0], frame[1], frame[2]
+    if -0.5 < y < 0.5:
+        frame[3], frame[4], frame[5] = -y * x, 1.0 - y * y, -y * z
+    else:
+        frame[3], frame[4], frame[5] = -z * x, -z * y, 1.0 - z * z
     length = math.sqrt(frame[3] * frame[3] + frame[4] * frame[4] + frame[5] * frame[5])
     for i in range(3, 6):
         frame[i] /= length

@@ -15,6 +15,7 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 from rungwise.system.entries import Spans, clear_rows, is_crowded, set_spans
+from rungwise.system.skew import XX, XY, YY, is_skew, widened
 from rungwise.system.terms import Terms
 
 FREE = -1
@@ -35,7 +36,7 @@ that is an error of the direction: normals of meshes err by 1e-6. Chosen by tria
 class Features(Block):
     """Features by slot: geoms (s, 2); place, along (s, 6): the contact and its first tangent in the frames of
     the bodies of both geoms; world (s, 11): point, normal and first tangent in the world, gap and
-    friction."""
+    friction, the greatest where it differs by direction."""
 
     geoms: Ints
     place: Reals
@@ -57,7 +58,7 @@ class Solids(Block):
 
     body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 8):
     normal and tangential stiffness and damping, restitution, and sliding, torsional and rolling friction, nan
-    for MuJoCo's; free (n,): whether a velocity is not prescribed; span (b, 2): the stretch of the velocities
+    for MuJoCo's; free (n,): whether a velocity is not prescribed; span (b, 2): the widened of the velocities
     that may move a body; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's memory.
     """
 
@@ -233,8 +234,12 @@ def _fill_rows(
     _turn_rows(c, k, along, across, seen, d, terms)
     if seen.dim[c] > 1:
         _clear_blunt(c, k, seen, d, terms)
+    if is_skew(terms.skew):
+        terms.skew[k, XX], terms.skew[k, XY], terms.skew[k, YY] = 1.0, 0.0, 1.0
+    if seen.dim[c] > 1 and is_skew(terms.skew):
+        _tell_skew(c, k, along, across, seen, solids, d, terms)
     if d > 3 and seen.dim[c] > 3:
-        _weigh(c, k, seen, solids, d, terms)
+        _weigh(c, k, along, across, seen, solids, d, terms)
 
 
 @inner_kernel
@@ -271,15 +276,54 @@ def _clear_blunt(c: int, k: int, seen: Seen, d: int, terms: Terms) -> None:
 
 
 @kernel
-def _weigh(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
+def _tell_skew(
+    c: int, k: int, along: float, across: float, seen: Seen, solids: Solids, d: int, terms: Terms
+) -> None:
+    """Let rows of slip be those in which friction that differs along MuJoCo's two tangents is a disc."""
+    slide, other, _, _, _ = _frictions(c, seen, solids)
+    if slide != other:
+        unit = max(slide, other)
+        skew = _between(slide / unit, other / unit, along, across)
+        for i in range(3):
+            terms.skew[k, i] = skew[i]
+        _mix(c, k * d + 1, skew, seen, terms)
+
+
+@inner_kernel
+def _between(one: float, two: float, along: float, across: float) -> tuple[float, float, float]:
+    """The symmetric matrix with these values along MuJoCo's two tangents, in the tangents of a contact."""
+    return (
+        one * along * along + two * across * across,
+        (two - one) * along * across,
+        one * across * across + two * along * along,
+    )
+
+
+@inner_kernel
+def _mix(c: int, r: int, by: tuple[float, float, float], seen: Seen, terms: Terms) -> None:
+    """Multiply two rows, from r on, by a symmetric matrix."""
+    begin = seen.first[seen.address[c]]
+    for e in range(begin, begin + seen.entries[seen.address[c]]):
+        j = seen.column[e]
+        x, y = terms.rows[r, j], terms.rows[r + 1, j]
+        terms.rows[r, j], terms.rows[r + 1, j] = by[XX] * x + by[XY] * y, by[XY] * x + by[YY] * y
+
+
+@kernel
+def _weigh(
+    c: int, k: int, along: float, across: float, seen: Seen, solids: Solids, d: int, terms: Terms
+) -> None:
     """Scale the rows of a contact that resists turning, so that one friction bounds all of its forces."""
-    slide, twist, roll = _frictions(c, seen, solids)
-    unit, begin = _unit(slide, twist, roll), seen.first[seen.address[c]]
+    slide, other, twist, roll, beside = _frictions(c, seen, solids)
+    unit, begin = _unit(slide, other, twist, roll, beside), seen.first[seen.address[c]]
     for i in range(1, min(d, seen.dim[c])):
-        own = slide if i < 3 else twist if i == 3 else roll
+        own = max(slide, other) if i < 3 else twist if i == 3 else max(roll, beside)
         part = own / unit if unit > 0.0 else 1.0
         for e in range(begin, begin + seen.entries[seen.address[c]]):
             terms.rows[k * d + i, seen.column[e]] *= part
+    if d > 4 and seen.dim[c] > 4 and roll != beside:
+        most = max(roll, beside)
+        _mix(c, k * d + 4, _between(roll / most, beside / most, along, across), seen, terms)
 
 
 @kernel
@@ -299,22 +343,26 @@ def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features
 
 
 @kernel
-def _frictions(c: int, seen: Seen, solids: Solids) -> tuple[float, float, float]:
-    """Sliding, torsional and rolling friction of a contact: those of its law, and in place of those that it
-    does not give the model's, which change as sliding friction does."""
+def _frictions(c: int, seen: Seen, solids: Solids) -> tuple[float, float, float, float, float]:
+    """Friction of a contact as MuJoCo has it: sliding along two tangents, torsional, and rolling about these.
+    That of its law, alike along both, and in place of what it does not give the model's, which changes as
+    sliding friction does."""
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     own = seen.friction[c, 0]
     slide = own if math.isnan(law[5]) else law[5]
+    other = seen.friction[c, 1] if math.isnan(law[5]) else law[5]
     part = slide / own if own > 0.0 else 1.0
     twist = part * seen.friction[c, 2] if math.isnan(law[6]) else law[6]
     roll = part * seen.friction[c, 3] if math.isnan(law[7]) else law[7]
-    return slide, twist, roll
+    beside = part * seen.friction[c, 4] if math.isnan(law[7]) else law[7]
+    return slide, other, twist, roll, beside
 
 
 @kernel
-def _unit(slide: float, twist: float, roll: float) -> float:
+def _unit(slide: float, other: float, twist: float, roll: float, beside: float) -> float:
     """The friction that a contact's rows are scaled for: of sliding, where there is any."""
-    return slide if slide > 0.0 else max(twist, roll)
+    slides = max(slide, other)
+    return slides if slides > 0.0 else max(twist, max(roll, beside))
 
 
 @kernel
@@ -323,12 +371,27 @@ def _fill_law(
 ) -> None:
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     terms.gap[k], terms.lever[k] = seen.dist[c], 1.0
-    slide, twist, roll = _frictions(c, seen, solids)
-    found.world[slot, 10] = slide if seen.dim[c] > 1 else 0.0
-    terms.friction[k] = _unit(slide, twist, roll) if seen.dim[c] > 3 else found.world[slot, 10]
+    slide, other, twist, roll, beside = _frictions(c, seen, solids)
+    found.world[slot, 10] = max(slide, other) if seen.dim[c] > 1 else 0.0
+    unit = _unit(slide, other, twist, roll, beside)
+    terms.friction[k] = unit if seen.dim[c] > 3 else found.world[slot, 10]
     terms.restitution[k] = law[4]
     for i in range(d):
         for j in range(d):
             terms.contact_stiffness[k, i, j] = terms.contact_damping[k, i, j] = 0.0
         terms.contact_stiffness[k, i, i] = law[0] if i == 0 else law[1]
         terms.contact_damping[k, i, i] = law[2] if i == 0 else law[3]
+    if is_skew(terms.skew):
+        x, y = widened(terms.skew, k, 1.0, 0.0)
+        xx, xy = widened(terms.skew, k, x, y)
+        x, y = widened(terms.skew, k, 0.0, 1.0)
+        _, yy = widened(terms.skew, k, x, y)
+        _fill_block(k, law[1] * xx, law[1] * xy, law[1] * yy, terms.contact_stiffness)
+        _fill_block(k, law[3] * xx, law[3] * xy, law[3] * yy, terms.contact_damping)
+
+
+@inner_kernel
+def _fill_block(k: int, xx: float, xy: float, yy: float, matrices: Reals) -> None:
+    """Fill in the part of a contact's matrix that belongs to slip."""
+    matrices[k, 1, 1], matrices[k, 2, 2] = xx, yy
+    matrices[k, 1, 2] = matrices[k, 2, 1] = xy

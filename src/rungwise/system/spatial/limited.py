@@ -86,6 +86,7 @@ class Limited:
             fill_span(terms.entries, k, len(row))
             terms.rows[k * D] = unit * row
             terms.gap[k], terms.lever[k] = unit * d.efc_pos[r], unit
+            terms.skew[k : k + 1] = 1.0, 0.0, 1.0
             terms.friction[k] = terms.restitution[k] = 0.0
             terms.contact_stiffness[k], terms.contact_damping[k] = 0.0, 0.0
             terms.contact_stiffness[k, 0, 0] = np.inf

@@ -145,7 +145,9 @@ class Space:
         farthest = FAR * length if self.passing.is_curved(touches) else math.inf
         crowded = m.nv >= CROWDED
         named = laws_named(self.laws.named, self._laws_of, farthest)
-        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded, named)
+        self.size = Size(
+            m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded, named, skewed(m)
+        )
         self._all_free = bool(self.solids.free.all())
         self.falls = np.where(self.solids.free, self.loads.falls, 0.0)
         self.noise = Noise()
@@ -394,6 +396,12 @@ def directions(model: mujoco.MjModel) -> int:
     dims = np.concatenate([model.geom_condim[touching(model)], model.pair_dim])
     most = int(dims.max(initial=3))
     return max(most, 3)
+
+
+def skewed(model: mujoco.MjModel) -> bool:
+    """Whether friction of contacts of a model may differ by direction."""
+    one, other = model.pair_friction[:, 0], model.pair_friction[:, 1]
+    return bool(((one != other) & (model.pair_dim > 1)).any())
 
 
 def _set_options(model: mujoco.MjModel) -> None:

@@ -74,6 +74,7 @@ class PlanarSurroundings:
         here = PlanarPlace(scene, parameters)
         self._records, self._workspace = here.bound.records, here.workspace
         self._records.contacts["raised"] = 0.0
+        self._records.supports["exact"] = 0  # planners balance by ellipsoids
         own, state = self._records.coordinates, self._workspace.state
         servo, limited = own["drive"] == SERVO, own["limited"] != 0
         self.stiffness = np.where(servo, own["stiffness"], 0.0)

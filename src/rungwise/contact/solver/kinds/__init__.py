@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds import associated, ball, cone, free, interval
+from rungwise.contact.solver.kinds import associated, ball, cone, free, interval, pressure
 from rungwise.kernel import Reals, inner_kernel
 
 
 @inner_kernel
-def is_cone(kind: int) -> bool:
-    """Whether the law of a kind has no forces of its own, but follows those of the rest."""
-    return kind == cone.KIND or kind == associated.KIND
+def forces_of(kind: int) -> int:
+    """How many numbers of a kind's law, the first ones, are forces."""
+    if kind == interval.KIND:
+        return 2
+    return 1 if kind == ball.KIND or kind == pressure.KIND else 0
 
 
 @inner_kernel
@@ -21,9 +23,9 @@ def restricts_rates(kind: int, law: Reals) -> bool:
 
 
 @inner_kernel
-def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> int:
+def natural_map(kind: int, law: Reals, numbers: Reals, d: int, x: Reals, u: Reals, F: Reals, S: Reals) -> int:
     """F = x - P(x - u) and the slope S of P there, of a group of d rows with forces x and rates u, in
-    units in which both are alike. Returns the mode of the group."""
+    units in which both are alike. Returns the mode of the group. `numbers` are those that laws refer to."""
     if kind == cone.KIND:
         return cone.natural_map(law, d, x, u, F, S)
     if kind == interval.KIND:
@@ -32,11 +34,15 @@ def natural_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, F: Reals, S: 
         return free.natural_map(law, d, x, u, F, S)
     if kind == associated.KIND:
         return associated.natural_map(law, d, x, u, F, S)
+    if kind == pressure.KIND:
+        return pressure.natural_map(law, numbers, x, u, F, S)
     return ball.natural_map(law, d, x, u, F, S)
 
 
 @inner_kernel
-def smooth_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals) -> None:
+def smooth_map(
+    kind: int, law: Reals, numbers: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Reals
+) -> None:
     """As `natural_map`, with a projection P_s whose slope does not jump, and which tends to P with s, a
     force in the units of x."""
     if kind == cone.KIND:
@@ -46,11 +52,11 @@ def smooth_map(kind: int, law: Reals, d: int, x: Reals, u: Reals, s: float, F: R
     elif kind == ball.KIND:
         ball.smooth_map(law, d, x, u, s, F, S)
     else:  # a law without corners, or one that needs no path
-        natural_map(kind, law, d, x, u, F, S)
+        natural_map(kind, law, numbers, d, x, u, F, S)
 
 
 @inner_kernel
-def violation(kind: int, law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
+def violation(kind: int, law: Reals, numbers: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
     """How far a group of d rows with forces x and rates y is from its law, in units in which both are
     alike, and in which a force of the law is `unit`; inf if something is not finite."""
     if kind == cone.KIND:
@@ -61,6 +67,8 @@ def violation(kind: int, law: Reals, unit: float, d: int, x: Reals, y: Reals) ->
         worst = free.violation(law, unit, d, x, y)
     elif kind == associated.KIND:
         worst = associated.violation(law, unit, d, x, y)
+    elif kind == pressure.KIND:
+        worst = pressure.violation(law, numbers, unit, x, y)
     else:
         worst = ball.violation(law, unit, d, x, y)
     for i in range(d):  # min and max may drop what is not a number

@@ -25,6 +25,12 @@ def law_arrays(size: Size) -> tuple[Reals, Reals]:
     return np.zeros((3, slots)), np.zeros((2 + size.directions, hits))
 
 
+def further_rows(size: Size) -> int:
+    """Limited rows of the friction of impacts in two phases, at most (see `core.laws.poisson_impact`)."""
+    bounces = size.laws is not None and size.laws.bounces
+    return (size.directions - 1) * size.slots if bounces else 0
+
+
 class Further:
     """The named laws of a system of n velocities, what pulls (n,) where the step begins, and whether anything
     may."""

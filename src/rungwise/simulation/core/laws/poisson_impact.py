@@ -7,10 +7,11 @@ the slip in one of the phases has its own direction in the other, and the impact
 energy, which with Newton's law it can. Source: Poisson 1817; Glocker and Pfeiffer, Nonlinear Dynamics 7
 (1995) 471-497.
 
-Friction of the impulse e P is dry friction of limited force, so both phases are problems of the step's kind
-(`contact.step.problem`): in the plane it is a limited row; in space, where its directions share a ball, it
-is a further contact that a spring presses with e P, and that presses nothing itself. What else pushes or
-holds, as loads, drives, joints and supports do, acts in the balance of both as in any step.
+Friction of the impulse e P is dry friction of limited force: a limited row for each direction of slip, which
+in space share a ball. So both phases are problems of the step's kind (`contact.step.problem`), of the same
+groups in the plane and in space. There are two by the law itself, which asks of the second what the first
+has exerted: this is the one law that takes two solves. What else pushes or holds, as loads, drives, joints
+and supports do, acts in the balance of both as in any step.
 """
 
 from __future__ import annotations
@@ -19,9 +20,8 @@ from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.simulation.core.chains import solve_scratch
-from rungwise.simulation.core.exact_surface import solve_exact
 from rungwise.simulation.core.state import IMPULSIVE, Trial, columns_of, sizes_in
-from rungwise.system.entries import is_crowded
+from rungwise.system.terms import APART
 
 RESTITUTION, GAP, NORMAL = 0, 1, 2
 """Rows of `scratch.impact`: of each contact that is hit its restitution, and 0 of all others; its gap; from
@@ -72,21 +72,14 @@ def expand(trial: Trial) -> int:
                 for i in range(1, d):
                     push += problem.W[d * k + i, j] * scratch.contact_force[d * k + i]
                 problem.c[j] += push
-        if e * normal * problem.mu[k] > 0.0 and d > 2:
-            _press(trial, k, e * normal, contacts + added)
-            added += 1
-        elif e * normal * problem.mu[k] > 0.0:
+        if e * normal * problem.mu[k] > 0.0:
             _rub(trial, k, e * normal * problem.mu[k], limited + added)
-            added += 1
+            added += d - 1
         for i in range(d):
             scratch.impact[NORMAL + i, k] = scratch.contact_force[d * k + i] if i > 0 else (1.0 + e) * normal
             scratch.contact_force[d * k + i] = 0.0
         scratch.mode[k] = OPEN
-    for r in range(added if d == 2 else 0):
-        scratch.mode[contacts + limited + r], scratch.limited_force[limited + r] = STICK, 0.0
-    return _solve(
-        trial, Sizes(n, contacts, limited + added) if d == 2 else Sizes(n, contacts + added, limited)
-    )
+    return _solve(trial, Sizes(n, contacts, limited + added))
 
 
 @kernel
@@ -99,40 +92,21 @@ def _is_hit(trial: Trial) -> bool:
 
 
 @kernel
-def _rub(trial: Trial, k: int, most: float, r: int) -> None:
-    """Let row r be dry friction of contact k, of at most `most`."""
-    problem = trial.problem
-    first, middle, second, last = columns_of(trial, k)
-    for j in range(trial.state.clock[0].free):
-        within = first <= j < middle or second <= j < last
-        problem.S[r, j] = problem.W[2 * k + 1, j] if within else 0.0
-    problem.R_s[r], problem.w_s[r], problem.F[r] = 0.0, problem.w[2 * k + 1], most
-
-
-@kernel
-def _press(trial: Trial, k: int, least: float, own: int) -> None:
-    """Let contact `own` rub as contact k does, pressed with `least` by a spring on nothing that moves."""
-    _, _, terms, _, _, scratch, problem = trial
-    d, yields = problem.R.shape[1], 0.0
-    first, middle, second, last = columns_of(trial, k)
-    for j in range(trial.state.clock[0].free):
-        within = first <= j < middle or second <= j < last
-        problem.W[d * own, j] = 0.0
-        for i in range(1, d):
-            problem.W[d * own + i, j] = problem.W[d * k + i, j] if within else 0.0
-            yields += problem.W[d * own + i, j] ** 2 / problem.H[j, j]
-    yields /= d - 1.0
-    for i in range(d):
-        for j in range(d):
-            problem.R[own, i, j] = 0.0
-        problem.w[d * own + i] = problem.w[d * k + i] if i > 0 else -yields * least
-        scratch.contact_force[d * own + i] = (
-            scratch.impact[RESTITUTION, k] * scratch.contact_force[d * k + i] if i > 0 else least
-        )
-    problem.R[own, 0, 0], problem.mu[own], scratch.mode[own] = yields, problem.mu[k], STICK
-    if is_crowded(terms.entries):
-        for i in range(terms.entries.columns.shape[1]):
-            terms.entries.columns[own, i] = terms.entries.columns[k, i]
+def _rub(trial: Trial, k: int, most: float, first: int) -> None:
+    """Let rows from `first` on be dry friction of contact k, of at most `most`, in a ball if there are
+    several."""
+    terms, scratch, problem = trial.terms, trial.scratch, trial.problem
+    d, e = problem.R.shape[1], scratch.impact[RESTITUTION, k]
+    begin, middle, second, last = columns_of(trial, k)
+    for i in range(1, d):
+        r = first + i - 1
+        for j in range(trial.state.clock[0].free):
+            within = begin <= j < middle or second <= j < last
+            problem.S[r, j] = problem.W[d * k + i, j] if within else 0.0
+        problem.R_s[r], problem.w_s[r], problem.F[r] = 0.0, problem.w[d * k + i], most
+        terms.surface[r] = first if d > 2 else APART
+        scratch.mode[trial.contacts + r] = STICK
+        scratch.limited_force[r] = e * scratch.contact_force[d * k + i]
 
 
 @kernel
@@ -140,25 +114,18 @@ def _solve(trial: Trial, sizes: Sizes) -> int:
     """Solve the problem of expansion, and add the impulses of both phases."""
     _, _, terms, contacts, state, scratch, problem = trial
     clock, d = state.clock[0], problem.R.shape[1]
-    if clock.surfaces and terms.exact.shape[0] > 0:
-        status, found, _ = solve_exact(sizes, terms, state, scratch, problem)
-    else:
-        status, found, _ = solve_scratch(problem, sizes, terms, scratch, bool(clock.surfaces))
-    for r in range(sizes.limited if d > 2 else 0):
-        scratch.mode[contacts + r] = scratch.mode[sizes.contacts + r]
+    status, found, _ = solve_scratch(problem, sizes, terms, scratch, bool(clock.surfaces) or d > 2)
     clock.residual = max(clock.residual, found)
+    for r in range(clock.limited, sizes.limited):
+        terms.surface[r] = APART
     if status != SOLVED:
         return status
-    added = 0
+    row = int(clock.limited)
     for k in range(contacts):
         rubs = scratch.impact[RESTITUTION, k] * problem.mu[k] > 0.0 and scratch.impact[NORMAL, k] > 0.0
-        if rubs and d == 2 and clock.limited + added < sizes.limited:
-            scratch.contact_force[2 * k + 1] += scratch.limited_force[clock.limited + added]
-            added += 1
-        elif rubs and contacts + added < sizes.contacts:
-            for i in range(1, d):
-                scratch.contact_force[d * k + i] += scratch.contact_force[d * (contacts + added) + i]
-            added += 1
+        for i in range(1, d if rubs and row < sizes.limited else 1):
+            scratch.contact_force[d * k + i] += scratch.limited_force[row]
+            row += 1
         for i in range(d):
             scratch.contact_force[d * k + i] += scratch.impact[NORMAL + i, k]
     return status

@@ -2,8 +2,10 @@
 
 A contact that stuck in the last step, or that closes without sliding, is tried with its static friction. If
 it slides in the solution, the step is solved again with its kinetic friction, and so on until none slides
-that is held by more. A solution with kinetic friction everywhere always meets the law, for what sticks with
-less also sticks with more: so it is taken, too, where the step has no solution with static friction.
+that is held by more: one solve, and one more where something starts. (By the modes of the step before alone
+it would slide against static friction for a step.) A solution with kinetic friction everywhere always meets
+the law, for what sticks with less also sticks with more: so it is taken, too, where the step has no solution
+with static friction.
 """
 
 from __future__ import annotations

@@ -34,6 +34,7 @@ from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.place import allocate_placement
 from rungwise.system.planar.pressed import allocate_surfaces
 from rungwise.system.planar.seams import allocate_seams
+from rungwise.system.planar.supports import foot_rows
 from rungwise.system.terms import allocate_terms
 
 Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
@@ -114,12 +115,11 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     records, values = views(template.buffer, template.counts), np.zeros(template.value_count)
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
-    limited, d, crowded = 2 * n + 3 * len(records.measures), 2, n >= CROWDED
+    limited, d, crowded = 2 * n + foot_rows(records) + 3 * len(records.measures), 2, n >= CROWDED
     rows = min(slots, most_contacts(records)) if crowded else slots
     at, inputs, named = len(template.parameters) + 1, len(template.inputs), records.contacts["laws"]
     impacts = rows if (named & POISSON).any() else 0
     limited, surfaces = limited + impacts, allocate_surfaces(records)
-    exact = len(surfaces["exact"])
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, room_for_notes(n, rows, limited, d)) if noted else 0
     fields: Fields = {  # in the order of `in_memory`
@@ -170,7 +170,7 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     scratch = Scratch(
         **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
         | {name: carried[name] for name in ("limited_mode", "limited_force")}
-        | {"impact": np.zeros((4, impacts)), "ellipsoid": np.zeros((exact, core.ELLIPSOID))},
+        | {"impact": np.zeros((4, impacts))},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
         probe=np.zeros((2, 5)),

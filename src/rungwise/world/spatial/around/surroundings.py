@@ -128,14 +128,16 @@ class SpatialSurroundings:
         return np.asarray((g * m.ngeom + h) * 27 + (cell + 1) @ np.array([1, 3, 9]))
 
     def _frictions(self, contacts: Ints) -> tuple[Reals, Reals]:
-        """Sliding friction of contacts (k,), of their laws, else the model's; and torsional over sliding
-        friction, as lengths (k,)."""
+        """Sliding friction of contacts (k,), of their laws, else the model's, the least where it differs by
+        direction; and torsional over sliding friction, as lengths (k,)."""
         contact, laws = self._space.data.contact, self._space.laws
         geoms, model = contact.geom[contacts].reshape(-1, 2), contact.friction[contacts].reshape(-1, 5)
         own = laws.rows[laws.law[geoms[:, 0], geoms[:, 1]]]
-        slides = np.where(np.isnan(own[:, 5]), model[:, 0], own[:, 5])
+        slides = np.where(np.isnan(own[:, 5]), model[:, :2].min(axis=1), own[:, 5])
         slides = np.where(contact.dim[contacts] < 3, 0.0, slides)
-        twists = np.where(np.isnan(own[:, 6]), model[:, 2] / _some(model[:, 0]), own[:, 6] / _some(slides))
+        twists = np.where(
+            np.isnan(own[:, 6]), model[:, 2] / _some(model[:, :2].min(axis=1)), own[:, 6] / _some(slides)
+        )
         return slides, np.where(slides > 0.0, twists, 0.0)
 
     def near(self, q: Reals, pair: int) -> Near:
