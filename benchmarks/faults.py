@@ -362,10 +362,16 @@ FAULTS = (
         "the gradient by compliance has the wrong sign",
     ),
     Fault(
-        "richardson-sign", "src/rungwise/simulation/derivatives/in_space.py",
-        "best = slopes[1] + (slopes[1] - slopes[0]) / 3.0",
-        "best = slopes[1] - (slopes[1] - slopes[0]) / 3.0", ("tests/simulation/spatial/test_sensitivity.py",),
-        "differences of runs are extrapolated to the wrong side",
+        "tangents-of-derivative", "src/rungwise/simulation/derivatives/space_assembly.py",
+        "        system.kept.along[:] = start.tangent.reshape(-1, 6)\n", "",
+        ("tests/simulation/spatial/test_sensitivity.py",),
+        "tangents along which contacts are deformed do not change with the start",
+    ),
+    Fault(
+        "deformation-of-gone-contacts", "src/rungwise/simulation/derivatives/space_assembly.py",
+        "        slots[: len(self._gone)][self._gone] = 0.0\n", "",
+        ("tests/simulation/spatial/test_sensitivity.py",),
+        "a contact that closes is deformed by derivatives of one that has gone",
     ),
     Fault(
         "slip-turns-freely", "src/rungwise/contact/analysis/active.py",

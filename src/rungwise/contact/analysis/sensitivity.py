@@ -267,7 +267,6 @@ class Sensitivity:
             if name not in DATA:
                 raise ValueError(f"{name}: is none of {', '.join(DATA)}")
         given = {name: numbers(name, value) for name, value in data.items()}
-        count = 1
         for name, value in given.items():
             shape = getattr(self.problem, name).shape
             if value.shape == shape:
@@ -276,7 +275,7 @@ class Sensitivity:
                 raise ValueError(f"{name}: has shape {value.shape}; the problem makes it {shape} or (*, m)")
             if not np.isfinite(value).all():
                 raise ValueError(f"{name}: must be finite")
-            count = max(count, given[name].shape[-1])
+        count = max((value.shape[-1] for value in given.values()), default=1)
         columns = {}
         for name in DATA:
             like = getattr(self.problem, name)

@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
-from rungwise.contact.solver.problem import solve_problem
-from rungwise.contact.step import (
-    ContactProblem,
-    Elimination,
-    Sizes,
-    Unknowns,
-    matrix_size,
-    trim,
-)
+from rungwise.contact.step import ContactProblem, Unknowns, trim
 from rungwise.deadline import go_on
 from rungwise.models.assemble import Step, assemble
 from rungwise.models.entries import Velocities
@@ -28,7 +20,16 @@ from rungwise.scene.template.records import FREE, HINGE, SPEED
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import LINEARISATIONS, ROUNDING
-from rungwise.simulation.derivatives.steps import SEEN, Data, Held, Linearised, Start, Taken
+from rungwise.simulation.derivatives.steps import (
+    MEMORY,
+    SEEN,
+    Data,
+    Held,
+    Linearised,
+    Start,
+    Taken,
+    at_solution,
+)
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
 from rungwise.simulation.planar.state.inputs import set_all
@@ -58,7 +59,7 @@ class Assembly:
     """A planar scene at one set of parameters, as `Steps`."""
 
     def __init__(
-        self, scene: Scene, model: Rung | str, values: dict[str, float], h: float, theta: float
+        self, scene: Scene, model: Rung | str, values: dict[str, float], h: float | None, theta: float
     ) -> None:
         simulation = Simulation(scene, model, parameters=values, step=h, theta=theta, frames=3)
         if simulation.workspace is None:
@@ -73,20 +74,20 @@ class Assembly:
             raise ModelError(f"contacts: steps with {rough} cannot be differentiated; leave them out")
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state
-        self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)
+        self.records, self.rung, self.h = (
+            simulation._bound.records,
+            simulation._rung,
+            float(simulation._control[0]["step"]),
+        )
         self.theta = theta
-        self.begun = self.state.q.copy(), self.state.v.copy()
+        strain = np.zeros(self.state.deformation.shape)
+        self.begun = Start(self.state.q.copy(), self.state.v.copy(), strain)
         extent = float(self.workspace.terms.rounding[0]) / ROUNDING
         self.reach = float(self.state.clock[0]["reach"]) or extent or 1.0
         bodies = self.records.bodies
         first = bodies["coordinate"]
         angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
         self.lever = np.where(np.isin(np.arange(len(self.state.q)), angles), self.reach, 1.0)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        slots, d = self.state.deformation.shape
-        return slots, d
 
     @property
     def halt(self) -> Ints:
@@ -99,11 +100,14 @@ class Assembly:
 
     def named(self, kind: str, i: int) -> str:
         coordinates = self._simulation.scene.template.coordinates
-        return kind if kind == "deformation" else f"{coordinates[i]} of {kind}"
+        return f"{coordinates[i]} of {kind}"
 
     def moved(self, start: Start, kind: str, by: Array) -> Start:
         old = getattr(start, kind)
         return replace(start, **{kind: old + by.reshape(old.shape)})
+
+    def apart(self, q: Array, other: Array) -> Array:
+        return other - q
 
     def tell(self, levels: Array) -> None:
         run = self._simulation
@@ -149,7 +153,10 @@ class Assembly:
             raise ModelError("step: no step of this length can be taken from here; take a shorter one")
         state = self.state
         features = state.manifolds.features.copy()
-        end = Start(state.q.copy(), state.v.copy(), state.deformation.copy(), start.time + self.h, features)
+        end = replace(
+            start, q=state.q.copy(), v=state.v.copy(), deformation=state.deformation.copy(),
+            time=start.time + self.h, features=features,
+        )  # fmt: skip
         return Taken(self.workspace.scratch.v_new.copy(), before, end)
 
     def linearised(self, start: Start, taken: Taken, /) -> Iterator[Linearised]:
@@ -183,27 +190,13 @@ class Assembly:
 
     def _sensitivity(self, count: int) -> Sensitivity:
         """Of the problem of these contacts that was just solved."""
-        work, scratch, clock = self.workspace, self.workspace.scratch, self.state.clock[0]
+        scratch, clock = self.workspace.scratch, self.state.clock[0]
         n, limited = int(clock["free"]), int(clock["limited"])
-        # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
-        unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
-        size = matrix_size(n, count, limited)
-        room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
-        nowhere = np.empty((0, 4), np.int64)
-        solve_problem(
-            work.problem,
-            Sizes(n, count, limited),
-            unknowns,
-            np.empty(0, np.int64),
-            nowhere,
-            nowhere,
-            room,
-            scratch.halt,
-        )
-        return Sensitivity(
-            trim(work.problem, n, count, limited), scratch.x[:n].copy(),
+        found = Unknowns(
+            scratch.mode[: count + limited].copy(), scratch.x[:n].copy(),
             scratch.contact_force[: 2 * count].copy(), scratch.limited_force[:limited].copy(),
         )  # fmt: skip
+        return at_solution(trim(self.workspace.problem, n, count, limited), found, scratch.halt)
 
     def look_for_bends(self, held: PlanarHeld, low: Data, high: Data, base: Data, way: float) -> None:
         """Features of outlines are smooth."""
@@ -350,6 +343,7 @@ class Assembly:
             "speed": state.speed.copy(),
             "stiffness": terms.contact_stiffness[:k].copy(),
             "damping": terms.contact_damping[:k].copy(),
+            **{kind: getattr(start, kind) for kind in MEMORY},
         }
 
     def _assembled(self, count: int, n: int, eps: float, theta: float, bounce: bool) -> ContactProblem:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step import ContactProblem, trim
+from rungwise.contact.step import ContactProblem, Unknowns, trim
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.derivatives.steps import Array, Held
@@ -37,14 +37,11 @@ class SpaceHeld(Held):
 
 
 class Solved(NamedTuple):
-    """What the core solved at a place: its problem, velocities x of the free coordinates, forces of contacts
-    and of rows, and all speeds."""
+    """What the core solved at a place: its problem, what it found, and its choices."""
 
     trial: Array
     problem: ContactProblem
-    x: Array
-    force: Array
-    tau: Array
+    found: Unknowns
     held: SpaceHeld
 
 
@@ -74,8 +71,11 @@ class Noting(Stepper):
             deep=self._deep, ease=float(terms.pause[0]), margin=space.margin,
         )  # fmt: skip
         problem = trim(self.problem, n, count, limited)
-        force, tau = scratch.contact_force[: count * d].copy(), scratch.limited_force[:limited].copy()
-        return Solved(self._trial, problem, scratch.x[:n].copy(), force, tau, held)
+        found = Unknowns(
+            scratch.mode[: count + limited].copy(), scratch.x[:n].copy(),
+            scratch.contact_force[: count * d].copy(), scratch.limited_force[:limited].copy(),
+        )  # fmt: skip
+        return Solved(self._trial, problem, found, held)
 
 
 def of_contacts(stepper: Stepper, count: int) -> dict[str, Array]:

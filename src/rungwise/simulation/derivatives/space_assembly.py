@@ -13,9 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from rungwise.contact.analysis import DATA, Sensitivity
-from rungwise.contact.problem import MOST_DIRECTIONS
-from rungwise.contact.solution import Status
-from rungwise.contact.solve import solve
 from rungwise.contact.step import ContactProblem, trim
 from rungwise.deadline import go_on
 from rungwise.kernel import Ints, steady
@@ -29,16 +26,18 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.derivatives.noted import (
     OF_CONTACTS,
+    OF_FEATURES,
     Noting,
     Solved,
     SpaceHeld,
-    copied,
     of_contacts,
     restore,
 )
-from rungwise.simulation.derivatives.steps import SEEN, Array, Data, Linearised, Start, Taken
-from rungwise.simulation.options import ModelError, moving_rung
+from rungwise.simulation.derivatives.steps import SEEN, Array, Data, Linearised, Start, Taken, at_solution
+from rungwise.simulation.options import ModelError, moving_rung, positive
+from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
+from rungwise.system.spatial.features import FREE
 from rungwise.wording import listed
 
 _TURN = 1e-4
@@ -52,7 +51,7 @@ class SpaceAssembly:
     """A scene in space at one set of parameters, as `Steps`."""
 
     def __init__(
-        self, scene: SpaceScene, model: Rung | str, values: dict[str, float], h: float, theta: float
+        self, scene: SpaceScene, model: Rung | str, values: dict[str, float], h: float | None, theta: float
     ) -> None:
         rung = moving_rung(model)
         if rung.metric:
@@ -64,16 +63,20 @@ class SpaceAssembly:
         rough = [law.title for law in LAWS if not law.is_smooth and law.title in titles(bound.named)]
         if rough:
             raise ModelError(f"contacts: steps with {listed(rough)} cannot be differentiated; leave them out")
-        self._scene, self._bound, self._system, self.h, self._theta = scene, bound, system, float(h), theta
+        self._scene, self._bound, self._system, self._theta = scene, bound, system, theta
+        self.h = bound.step if h is None else positive("step", h)
         self._told, self._told_at = bound.values.copy(), (np.nan, np.nan)
         self._stepper = Noting(system, rung, self.h, theta, self._tell)
         self.rung = rung.record(theta)
-        self.reach, self.lever, self.begun = system.size.length, system.lever, system.start()
+        self.reach, self.lever = system.size.length, system.lever
+        strain = np.zeros((system.size.slots, system.size.directions))
+        begun = self._stepper.q.copy(), self._stepper.v.copy()
+        self.begun = Start(
+            *begun, strain, activation=system.begun.copy(), tangent=np.zeros(system.kept.along.size)
+        )
         self._assemble = steady(assemble)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self._system.size.slots, self._system.size.directions
+        # Slots without contact after the step that was taken last: the next that takes one is not deformed.
+        self._gone = np.zeros(0, bool)
 
     @property
     def halt(self) -> Ints:
@@ -97,7 +100,7 @@ class SpaceAssembly:
         if stepper._again(self.h) != SUPPORTED:
             raise ModelError("step: it has no solution")
         solved = stepper.noted[-1]
-        return self._sensitivity(solved), solved.held.speed
+        return at_solution(solved.problem, solved.found, self.halt), solved.held.speed
 
     def data_near(self, start: Start, near: float) -> Data:
         self._fill_near(start, near)
@@ -120,7 +123,7 @@ class SpaceAssembly:
         return SpaceAssembly(scene, model, values, self.h, self._theta)
 
     def named(self, kind: str, i: int) -> str:
-        return kind if kind == "deformation" else f"{self._scene.template.velocities[i]} of {kind}"
+        return f"{self._scene.template.velocities[i]} of {kind}"
 
     def moved(self, start: Start, kind: str, by: Array) -> Start:
         if kind == "q":
@@ -128,15 +131,21 @@ class SpaceAssembly:
         old = getattr(start, kind)
         return replace(start, **{kind: old + by.reshape(old.shape)})
 
+    def apart(self, q: Array, other: Array) -> Array:
+        import mujoco
+
+        found = np.zeros(self._system.model.nv)
+        mujoco.mj_differentiatePos(self._system.model, found, 1.0, q, other)
+        return found
+
     def _tell(self, time: float, h: float) -> None:
         """Set speeds as of the middle of a step, and controls as of its end, as runs do."""
-        if self._told_at == (time, h):
-            return
-        self._told_at = time, h
-        self._told[-1] = time + 0.5 * h
-        self._bound.tell_speeds(self._told)
-        self._told[-1] = time + h
-        self._bound.tell_controls(self._told)
+        if self._told_at != (time, h):
+            self._told_at = time, h
+            self._told[-1] = time + 0.5 * h
+            self._bound.tell_speeds(self._told)
+            self._told[-1] = time + h
+            self._bound.tell_controls(self._told)
         self._system.expect(h)
 
     def _put(self, start: Start) -> None:
@@ -144,36 +153,41 @@ class SpaceAssembly:
         stepper, state = self._stepper, self._stepper.state
         stepper.q, stepper.time, stepper._told = start.q, start.time, np.nan
         state.v[:], state.deformation[:] = start.v, start.deformation
+        self._system.activation[:] = start.activation
         stepper._speeds = b""
         stepper._begin(self.h)
 
     def taken(self, start: Start) -> Taken:
         """See `Steps`. Features are those at the start, or those that are known there."""
         stepper, system = self._stepper, self._system
-        state, scratch = stepper.state, stepper.scratch
-        system.forget()
+        state = stepper.state
         self._begin_anew()
         if start.features is None:
             self._put(start)
             stepper._fill(start.q, start.v, self.h, system.margin)
             system.accept()
         else:
-            restore(system.kept, start.features)
+            recall(stepper, system, start.features)
         self._put(start)
         status, _ = stepper._attempt(self.h)
         if status != SUPPORTED:
             go_on(self.halt)
             raise ModelError("step: no step of this length can be taken from here; take a shorter one")
         stepper._accept(self.h)
-        features = copied(system.kept)
-        end = Start(stepper.q, state.v.copy(), state.deformation.copy(), stepper.time, features)
-        return Taken(scratch.v_new.copy(), None, end)
+        system.took(self.h)
+        self._gone = system.kept.geoms[:, 0] == FREE
+        state.deformation[: len(self._gone)][self._gone] = 0.0
+        end = Start(
+            stepper.q, state.v.copy(), state.deformation.copy(), stepper.time, remembered(stepper, system),
+            system.activation.copy(), np.where(self._gone[:, None], 0.0, system.kept.along).ravel(),
+        )  # fmt: skip
+        return Taken(stepper.scratch.v_new.copy(), None, end)
 
     def _begin_anew(self) -> None:
         """Forget what steps have left to begin from."""
         stepper = self._stepper
         state, scratch = stepper.state, stepper.scratch
-        self._told_at = np.nan, np.nan  # what actuators act by is forgotten, too
+        self._system.forget()
         state.modes[:], state.force[:], scratch.limited_mode[:] = 0, 0.0, 1
         scratch.limited_force[:], stepper.terms.fall[:], scratch.x[:] = 0.0, 0.0, 0.0
         stepper.outcome, stepper.noted = Code.RUNNING, []
@@ -181,23 +195,10 @@ class SpaceAssembly:
     def linearised(self, start: Start, _taken: Taken, /) -> Iterator[Linearised]:
         trial = None
         for solved in tuple(self._stepper.noted):
-            contact = self._sensitivity(solved)
+            contact = at_solution(solved.problem, solved.found, self.halt)
             held = self._hold(solved, contact, start, trial)
             yield Linearised(held, contact, held.speed)
             trial = held.speed
-
-    def _sensitivity(self, solved: Solved) -> Sensitivity:
-        """Of the problem at its solution, with forces also where these vanish in a limit."""
-        x, force, tau, problem = solved.x, solved.force, solved.tau, solved.problem
-        limit = self._stepper.rung.inertia == 0.0 and not self._stepper.rung.compliant
-        if limit and len(problem.mu) and not force.any():
-            if self._system.size.directions > MOST_DIRECTIONS:
-                raise ModelError("step: contacts that resist turning have no derivative where forces vanish")
-            found = solve(problem)
-            if found.status != Status.SOLVED:
-                raise ModelError("step: it could not be repeated")
-            x, force, tau = found.v, found.r, found.z
-        return Sensitivity(problem, x, force, tau)
 
     def _hold(self, solved: Solved, contact: Sensitivity, start: Start, trial: Array | None) -> SpaceHeld:
         """The discrete choices of a step that was solved. Raises ModelError where it is not found again."""
@@ -225,7 +226,16 @@ class SpaceAssembly:
             "speed": self._stepper.state.speed.copy(),
             "stiffness": terms.contact_stiffness[:k].copy(),
             "damping": terms.contact_damping[:k].copy(),
+            "activation": self._system.drives.activated(start.activation, self._system.control, self.h),
+            "tangent": self._tangents(held),
         }
+
+    def _tangents(self, held: SpaceHeld) -> Array:
+        """First tangents (6 slots,) of the held contacts after the step, as they were if one is not found."""
+        found, held_along = self._system.found, held.features[OF_FEATURES.index("along")]
+        seen, own = found.geoms[:, :1] != FREE, np.zeros((len(found.geoms), 1), bool)
+        own[held.slots[held.slots < len(own)]] = True
+        return np.where(own, np.where(seen, found.along, held_along), 0.0).ravel()
 
     def _gathered(
         self, held: SpaceHeld, start: Start, trial: Array | None, faster: Array | None
@@ -233,6 +243,7 @@ class SpaceAssembly:
         """The problem of the held contacts, their gaps, and how many there are."""
         stepper, system, terms = self._stepper, self._system, self._stepper.terms
         restore(system.kept, held.features)
+        system.kept.along[:] = start.tangent.reshape(-1, 6)
         self._put(start)
         stepper._deep = held.deep
         if system.margin != held.margin:
@@ -313,20 +324,14 @@ class SpaceAssembly:
         for i, one in enumerate(_TURN * np.eye(m.nv)):
             for side in (-1.0, 1.0):
                 other = self._system.integrate(start.q, side * one, 1.0)
-                by_q[:, i] += side * self._apart(end, self._system.integrate(other, speed, h))
+                by_q[:, i] += side * self.apart(end, self._system.integrate(other, speed, h))
                 other = self._system.integrate(start.q, h * speed + side * one, 1.0)
-                by_speed[:, i] += side * self._apart(end, other)
+                by_speed[:, i] += side * self.apart(end, other)
         change: Array = (by_q @ dq + h * (by_speed @ dspeed)) / (2.0 * _TURN)
         return change
 
-    def _apart(self, q: Array, other: Array) -> Array:
-        """The velocities (n,) that lead from q to another place in a unit of time."""
-        import mujoco
-
-        found = np.zeros(self._system.model.nv)
-        mujoco.mj_differentiatePos(self._system.model, found, 1.0, q, other)
-        return found
-
     def followed(self, _taken: Taken, found: Array, /) -> Array:
         """See `Steps`: features keep their slots."""
-        return found
+        slots = found.reshape(*self.begun.deformation.shape, -1)
+        slots[: len(self._gone)][self._gone] = 0.0
+        return slots.reshape(found.shape)

@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.analysis import Sensitivity
+from rungwise.contact.solver.problem import solve_problem
+from rungwise.contact.step import SOLVED, ContactProblem, Elimination, Sizes, Unknowns, matrix_size
+from rungwise.deadline import go_on
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
+from rungwise.simulation.options import ModelError
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Data: TypeAlias = dict[str, Array]
-"""Fields of the problem, and `speed`, `stiffness`, `damping`; in changes, directions are the last axis."""
+"""Fields of the problem, `speed`, `stiffness`, `damping`, and the kinds of `MEMORY` after the step, a row
+each; in changes, directions are the last axis."""
+MEMORY = ("activation", "tangent")
+"""What systems hand on from step to step beside q, v and deformation."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over that within which they count as closed."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """The state before a step: q (n_q,), v (n,), deformation (slots, d), and what the world knows of the
-    features of the slots, if anything."""
+    """The state before a step: q (n_q,), v (n,), deformation (slots, d), what the world knows of the features
+    of the slots, if anything, activation (k,) of actuators, and tangent (t,), the directions in bodies along
+    which contacts are deformed, where a world keeps some."""
 
     q: Array
     v: Array
     deformation: Array
     time: float = 0.0
     features: Any = None
+    activation: Array = field(default_factory=lambda: np.zeros(0))
+    tangent: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +55,20 @@ class Held:
     bounced: NDArray[np.bool_]
     eps: float
     theta: float
+
+
+def at_solution(problem: ContactProblem, found: Unknowns, halt: Ints) -> Sensitivity:
+    """The sensitivity of a problem at its solution, which is found again, from where it was, if its forces
+    were set to zero because they vanish in a limit. Raises ModelError, and TimeOver."""
+    sizes = Sizes(len(problem.c), len(problem.mu), len(problem.F))
+    if not (found.force.any() or found.tau.any()):
+        found = Unknowns(found.mode.copy(), found.v.copy(), found.force.copy(), found.tau.copy())
+        size, none = matrix_size(*sizes), np.zeros((0, 4), np.int64)
+        room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
+        if solve_problem(problem, sizes, found, none[:, 0], none, none, room, halt)[0] != SOLVED:
+            go_on(halt)
+            raise ModelError("step: it could not be repeated")
+    return Sensitivity(problem, found.v, found.force, found.tau)
 
 
 class Linearised(NamedTuple):
@@ -67,18 +91,14 @@ class Steps(Protocol):
     """A scene at one set of parameters, whose steps of length h on a rung are taken and assembled.
 
     `reach` is the size of the smallest shape; `lever` (n,) how far a unit of each velocity leads points.
-    Positions change along velocities: their changes have n entries. `begun` holds q and v at the beginning of
-    the scene; `shape` is that of the deformations (slots, d).
+    Positions change along velocities: their changes have n entries. `begun` is the beginning of the scene.
     """
 
     h: float
     rung: RecordArray
     reach: float
     lever: Array
-    begun: tuple[Array, Array]
-
-    @property
-    def shape(self) -> tuple[int, int]: ...
+    begun: Start
 
     @property
     def halt(self) -> Ints:
@@ -92,10 +112,13 @@ class Steps(Protocol):
         """The same at other parameters."""
 
     def named(self, kind: str, i: int) -> str:
-        """What unknown i of a kind is called."""
+        """What velocity i, or what is counted along it, is called."""
 
     def moved(self, start: Start, kind: str, by: Array) -> Start:
         """The start with "q", "v" or "deformation" changed."""
+
+    def apart(self, q: Array, other: Array) -> Array:
+        """The velocities (n,) that lead from q (n_q,) to another place in a unit of time."""
 
     def taken(self, start: Start) -> Taken:
         """Take the step. Raises ModelError where it cannot be taken as it is, and TimeOver."""
