@@ -232,6 +232,9 @@ class Assembly:
         fresh = after[new] not in before[new - new % 2 : new - new % 2 + 2]
         return bool(fresh and is_continued(before[old], after[new], self.state.placed.outline, seams))
 
+    def handed_on(self, _held: PlanarHeld, data: Data, /) -> dict[str, Array]:
+        return {kind: np.zeros((0, data["speed"].shape[1])) for kind in MEMORY}
+
     def put(self, start: Start) -> None:
         """Place the bodies and look for contacts."""
         state, records = self.state, self.records
@@ -343,7 +346,6 @@ class Assembly:
             "speed": state.speed.copy(),
             "stiffness": terms.contact_stiffness[:k].copy(),
             "damping": terms.contact_damping[:k].copy(),
-            **{kind: getattr(start, kind) for kind in MEMORY},
         }
 
     def _assembled(self, count: int, n: int, eps: float, theta: float, bounce: bool) -> ContactProblem:

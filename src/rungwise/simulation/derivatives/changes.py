@@ -44,8 +44,8 @@ class Block(NamedTuple):
     by: Array
 
 
-class _Base(NamedTuple):
-    """A step whose data are differenced: its choices, start, trial speeds, and data."""
+class Base(NamedTuple):
+    """A problem whose data are differenced: its choices, start, trial speeds, and data."""
 
     held: Held
     start: Start
@@ -113,14 +113,11 @@ class Changes:
         dq, dv = np.array(columns).reshape(-1, 2, len(here.lever)).transpose(1, 2, 0)
         return dq, dv
 
-    def blocks(
-        self, held: Held, start: Start, trial: Array | None, directions: dict[str, Array],
-        labels: Sequence[str],
-    ) -> Iterator[Block]:  # fmt: skip
+    def blocks(self, base: Base, directions: dict[str, Array], labels: Sequence[str]) -> Iterator[Block]:
         """Changes along a few ways at a time; by "trial", the unknowns are the speeds of the trial. Raises
         ModelError naming the unknown, or the direction by its label (m,), along which a contact changes its
         feature, and TimeOver."""
-        here, base = self.here, _Base(held, start, trial, self.here.data(held, start, trial))
+        here = self.here
         moving = {kind: by for kind, by in directions.items() if kind != "parameters"}
         if "inputs" in moving:
             forces, moving["inputs"] = moving["inputs"][here.free], moving["inputs"].copy()
@@ -135,24 +132,26 @@ class Changes:
             ways = [(self.names[i], partial(self._by_parameter, base, int(i))) for i in moved]
             yield from self._blocks(ways, directions["parameters"][moved])
 
-    def _by_state(self, base: _Base, moving: dict[str, Array], labels: Sequence[str]) -> Iterator[Block]:
+    def _by_state(self, base: Base, moving: dict[str, Array], labels: Sequence[str]) -> Iterator[Block]:
         """Changes by all unknowns but parameters: by each that moves alone, or along each direction,
         whichever are fewer."""
-        whole = np.vstack(list(moving.values()))
-        moved, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
-        if len(moved) <= len(columns):
-            unknowns = [(kind, i) for kind, by in moving.items() for i in range(len(by))]
-            vectors, by = np.zeros((len(moved), len(whole))), whole[moved]
-            vectors[np.arange(len(moved)), moved] = 1.0
-            names = [self.label(*unknowns[i]) for i in moved]
+        moved = {kind: np.flatnonzero(by.any(axis=1)) for kind, by in moving.items()}
+        whole = np.vstack([by[moved[kind]] for kind, by in moving.items()])
+        columns = np.flatnonzero(whole.any(axis=0)).tolist()
+        if len(whole) <= len(columns):
+            vectors, by = np.eye(len(whole)), whole
+            names = [self.label(kind, int(i)) for kind, own in moved.items() for i in own]
         else:
             vectors, by = whole.T[columns], np.eye(whole.shape[1])[columns]
-            names = [labels[j] if labels else f"direction {j}" for j in columns.tolist()]
-        sizes = np.concatenate([self._sizes(kind, base.start) for kind in moving])
-        ends = np.cumsum([len(by) for by in moving.values()])[:-1]
+            names = [labels[j] if labels else f"direction {j}" for j in columns]
+        sizes = np.concatenate([self._sizes(kind, base.start)[own] for kind, own in moved.items()])
         ways = []
         for name, vector in zip(names, vectors, strict=True):
-            way = dict(zip(moving, np.split(vector, ends), strict=True))
+            way, at = dict[str, Array](), 0
+            for kind, own in moved.items():
+                way[kind] = np.zeros(self.size(kind))
+                way[kind][own] = vector[at : at + len(own)]
+                at += len(own)
             far = 1.0 / float((np.abs(vector) / sizes).max())
             ways.append((name, partial(self._by_way, base, way, far)))
         yield from self._blocks(ways, by)
@@ -172,11 +171,11 @@ class Changes:
         except ModelError as error:
             raise ModelError(f"{error} (by {name})") from None
 
-    def _by_parameter(self, base: _Base, i: int) -> Change:
+    def _by_parameter(self, base: Base, i: int) -> Change:
         samples = [(s, at.data(base.held, base.start, base.trial)) for s, at in self.varied[i]]
         return self._differenced(base, *samples)
 
-    def _by_way(self, base: _Base, way: dict[str, Array], far: float) -> Change:
+    def _by_way(self, base: Base, way: dict[str, Array], far: float) -> Change:
         """The change along a way by kinds of unknowns, from data so many times it to either side."""
         here = self.here
         low, high = ((s, here.data(base.held, *self._moved(base, way, s))) for s in (-far, far))
@@ -185,7 +184,7 @@ class Changes:
             here.look_for_bends(base.held, low[1], high[1], base.data, far * lead)
         return self._differenced(base, low, high)
 
-    def _differenced(self, base: _Base, low: tuple[float, Data], high: tuple[float, Data]) -> Change:
+    def _differenced(self, base: Base, low: tuple[float, Data], high: tuple[float, Data]) -> Change:
         """The change of the data from two samples, by what these are counted in."""
         here, data = self.here, base.data
         change = {
@@ -219,7 +218,7 @@ class Changes:
         return _STEP * max(fastest, 1e-3 * reach / self.here.h) / lever
 
     def _moved(
-        self, base: _Base, way: dict[str, Array], far: float
+        self, base: Base, way: dict[str, Array], far: float
     ) -> tuple[Start, Array | None, Array | None]:
         """The start, the trial and the faster inputs so many times a way from the base."""
         start, trial = base.start, base.trial

@@ -28,9 +28,9 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.assembly import Assembly
-from rungwise.simulation.derivatives.changes import KINDS, STATE, Block, Changes
+from rungwise.simulation.derivatives.changes import KINDS, STATE, Base, Block, Changes
 from rungwise.simulation.derivatives.space_assembly import SpaceAssembly
-from rungwise.simulation.derivatives.steps import MEMORY, Array, Data, Held, Start, Steps
+from rungwise.simulation.derivatives.steps import Array, Data, Held, Start, Steps
 from rungwise.simulation.options import ModelError
 from rungwise.wording import choices
 
@@ -219,7 +219,8 @@ def _differentiated(
     for held, contact, speed in here.linearised(start, taken):
         lost |= np.isnan(turn).any(axis=0)
         by = directions if trial is None else {**directions, "trial": np.where(lost, 0.0, turn)}
-        right, data = _combined(contact, changes.blocks(held, start, trial, by, labels), here, count)
+        base = Base(held, start, trial, here.data(held, start, trial))
+        right, data = _combined(contact, base.data, changes.blocks(base, by, labels), count)
         change = contact.solved(right, limit=deadline.seconds)
         turn = data["speed"].copy()
         turn[here.free] = change.v
@@ -232,20 +233,17 @@ def _differentiated(
         "q": here.ended(start, taken.speed, directions.get("q", none), turn),
         "v": dv,
         "deformation": here.followed(taken, strain),
-        **{kind: data[kind] for kind in MEMORY},
+        **here.handed_on(held, data),
     }
     return Differentiated(taken.end, state, contact)
 
 
 def _combined(
-    contact: Sensitivity, blocks: Iterator[Block], here: Steps, count: int
+    contact: Sensitivity, data: Data, blocks: Iterator[Block], count: int
 ) -> tuple[RightHandSide, Data]:
     """The right-hand side along all directions, and the changes of other data along them."""
-    problem = contact.problem
-    right = contact.right_hand_side({"c": np.zeros((len(problem.c), count))})
-    own = {"speed": np.zeros((len(here.lever), count))}
-    own |= {kind: np.zeros((getattr(here.begun, kind).size, count)) for kind in MEMORY}
-    own |= {name: np.zeros((*problem.R.shape, count)) for name in ("stiffness", "damping")}
+    right = contact.right_hand_side({"c": np.zeros((len(contact.problem.c), count))})
+    own = {name: np.zeros((*data[name].shape, count)) for name in data.keys() - {*DATA, "gap"}}
     for change, size, by in blocks:
         part = contact.right_hand_side({name: change[name] for name in DATA if name in change}, size)
         right = RightHandSide(*map(np.add, right, part.along(by)))

@@ -76,7 +76,7 @@ class SpaceAssembly:
         )
         self._assemble = steady(assemble)
         # Slots without contact after the step that was taken last: the next that takes one is not deformed.
-        self._gone = np.zeros(0, bool)
+        self._gone = np.zeros(len(system.kept.geoms), bool)
 
     @property
     def halt(self) -> Ints:
@@ -231,11 +231,22 @@ class SpaceAssembly:
         }
 
     def _tangents(self, held: SpaceHeld) -> Array:
-        """First tangents (6 slots,) of the held contacts after the step, as they were if one is not found."""
-        found, held_along = self._system.found, held.features[OF_FEATURES.index("along")]
-        seen, own = found.geoms[:, :1] != FREE, np.zeros((len(found.geoms), 1), bool)
-        own[held.slots[held.slots < len(own)]] = True
-        return np.where(own, np.where(seen, found.along, held_along), 0.0).ravel()
+        """First tangents (6 c,) of the held contacts of geoms, as they were where one is not found now."""
+        found, own = self._system.found, self._of_geoms(held)
+        as_held = held.features[OF_FEATURES.index("along")][own]
+        return np.where(found.geoms[own, :1] != FREE, found.along[own], as_held).ravel()
+
+    def _of_geoms(self, held: SpaceHeld) -> Ints:
+        """Slots of the held contacts that are not limits of travel."""
+        own: Ints = held.slots[held.slots < len(self._gone)]
+        return own
+
+    def handed_on(self, held: SpaceHeld, data: Data, /) -> dict[str, Array]:
+        count = data["speed"].shape[1]
+        tangents, own = np.zeros((len(self._gone), 6, count)), self._of_geoms(held)
+        tangents[own] = data["tangent"].reshape(len(own), 6, count)
+        tangents[self._gone] = 0.0
+        return {"activation": data["activation"], "tangent": tangents.reshape(6 * len(tangents), count)}
 
     def _gathered(
         self, held: SpaceHeld, start: Start, trial: Array | None, faster: Array | None
@@ -332,6 +343,6 @@ class SpaceAssembly:
 
     def followed(self, _taken: Taken, found: Array, /) -> Array:
         """See `Steps`: features keep their slots."""
-        slots = found.reshape(*self.begun.deformation.shape, -1)
+        slots = found.reshape(*self.begun.deformation.shape, found.shape[1])
         slots[: len(self._gone)][self._gone] = 0.0
         return slots.reshape(found.shape)

@@ -20,8 +20,8 @@ from rungwise.simulation.options import ModelError
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Data: TypeAlias = dict[str, Array]
-"""Fields of the problem, `speed`, `stiffness`, `damping`, and the kinds of `MEMORY` after the step, a row
-each; in changes, directions are the last axis."""
+"""Fields of the problem, `speed`, `stiffness`, `damping`, and what `handed_on` takes; in changes, directions
+are the last axis."""
 MEMORY = ("activation", "tangent")
 """What systems hand on from step to step beside q, v and deformation."""
 SEEN = 2.0
@@ -154,3 +154,6 @@ class Steps(Protocol):
 
     def followed(self, taken: Taken, found: Array, /) -> Array:
         """Derivatives (slots d, m) of deformations in the slots to which their features have gone."""
+
+    def handed_on(self, held: Any, data: Data, /) -> dict[str, Array]:
+        """Derivatives (unknowns, m) of the kinds of `MEMORY` after the step, from those of its data."""
