@@ -266,7 +266,7 @@ def _deformed(
         return np.zeros((slots * d, count))
     lam = contact.force[: len(held.slots) * d].reshape(-1, d)
     for k, slot in enumerate(held.slots):
-        K, C = held.stiffness[k], held.damping[k]
+        K, C = held.terms["contact_stiffness"][k], held.terms["contact_damping"][k]
         if not np.isfinite(K).all():
             continue
         pushed = bool((lam[k] != 0.0).any())
