@@ -347,8 +347,8 @@ FAULTS = (
     ),
     Fault(
         "gap-of-derivative", "src/rungwise/simulation/derivatives/steps.py",
-        '        terms.gap[:k] = held.terms["gap"]\n', "", ("tests/simulation/spatial/test_step_sensitivity.py",),
-        "gaps are differenced twice",
+        '        terms.gap[:k] = held.terms["gap"]\n', "",
+        ("tests/simulation/spatial/test_step_sensitivity.py",), "gaps are differenced twice",
     ),
     Fault(
         "deformation-theta", "src/rungwise/simulation/derivatives/sensitivity.py",

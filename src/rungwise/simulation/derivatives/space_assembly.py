@@ -39,7 +39,7 @@ from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.features import FREE
 
-_BENT = 0.05
+_BENT = 1e-2
 """Difference of slopes to both sides that counts as two, over the slope of what moves along."""
 
 
