@@ -248,6 +248,32 @@ def test_actuators_that_act_by_and_by(make: Make, dyntype: str) -> None:
     np.testing.assert_allclose(np.concatenate([s.q, s.v]), np.concatenate(end), rtol=1e-12)
 
 
+def test_a_run_in_two_parts_is_the_chain_of_its_parts() -> None:
+    """The second begins at the end and time of the first, with its deformations; tangents begin anew."""
+    kinds, h = ("q", "v", "inputs", "parameters"), 1e-3
+    whole = rw.run_sensitivity("ball", rw.DYNAMIC_COMPLIANT, steps=6, h=h, wrt=kinds)
+    first = rw.run_sensitivity("ball", rw.DYNAMIC_COMPLIANT, steps=3, h=h, wrt=kinds)
+    second = rw.run_sensitivity(
+        "ball", rw.DYNAMIC_COMPLIANT, steps=3, h=h, q=first.q, v=first.v, deformation=first.deformation,
+        time=first.time, wrt=(*kinds, "deformation"),
+    )  # fmt: skip
+    assert second.time == pytest.approx(whole.time)
+    np.testing.assert_allclose(second.q, whole.q, atol=1e-15)
+    onward = np.hstack([np.vstack([second.dq[k], second.dv[k]]) for k in ("q", "v", "deformation")])
+    for kind in kinds:
+        found = onward @ np.vstack([first.dq[kind], first.dv[kind], first.ddeformation[kind]])
+        if kind in ("inputs", "parameters"):
+            found += np.vstack([second.dq[kind], second.dv[kind]])
+        expected = np.vstack([whole.dq[kind], whole.dv[kind]])
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max(), err_msg=kind)
+
+
+def test_by_nothing_there_are_no_columns() -> None:
+    for scene, n in (("ball", 6), ("two_finger", 3)):
+        found = rw.run_sensitivity(scene, rw.DYNAMIC_COMPLIANT, steps=2, wrt=("parameters",), names=())
+        assert found.dq["parameters"].shape == (n, 0) and found.time > 0.0
+
+
 def test_a_run_that_has_no_derivative_says_where_and_by_what(make: Make) -> None:
     """A can comes down on its end: a tilt to either side puts it on another point of its rim."""
     scene = make(

@@ -152,7 +152,7 @@ class Assembly(Steps):
         Raises ModelError where a contact that is deformed goes over to another feature.
         """
         before, after = taken.features, taken.end.features
-        slots = found.reshape(len(taken.end.deformation), -1, found.shape[1])
+        slots = found.reshape(*taken.end.deformation.shape, found.shape[1])
         moved = np.zeros_like(slots)
         moved[len(before) :] = slots[len(before) :]
         for slot, feature in enumerate(before):
