@@ -20,11 +20,13 @@ from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
+from rungwise.simulation.derivatives.changes import STATE
 from rungwise.simulation.derivatives.sensitivity import (
     WRT,
     StateSensitivity,
     differentiated,
     each_alone,
+    fields_of,
     prepared,
     started,
 )
@@ -132,11 +134,7 @@ def _chained(
         if step.contact.weak or step.contact.weak_rows:
             weak.append(number)
         start = step.end
-    dq, dv, strain = (
-        {kind: np.where(lost, np.nan, directions[of])[:, part] for kind, part in parts.items()}
-        for of in ("q", "v", "deformation")
-    )
+    state = {kind: np.where(lost, np.nan, directions[kind]) for kind in STATE}
     return RunSensitivity(
-        time=start.time, q=start.q, v=start.v, deformation=start.deformation, dq=dq, dv=dv,
-        ddeformation=strain, names=changes.names, weak=tuple(weak),
-    )  # fmt: skip
+        **fields_of(start, state, parts), time=start.time, names=changes.names, weak=tuple(weak)
+    )

@@ -118,13 +118,9 @@ def _step_sensitivity(
     start = started(here, q, v, deformation, time)
     parts, directions = each_alone(changes, wrt)
     step = differentiated(here, changes, start, directions, deadline)
-    dq, dv, strain = (
-        {kind: step.state[of][:, part] for kind, part in parts.items()} for of in ("q", "v", "deformation")
-    )
     return StepSensitivity(
-        q=step.end.q, v=step.end.v, deformation=step.end.deformation, dq=dq, dv=dv, ddeformation=strain,
-        names=changes.names, contact=step.contact,
-    )  # fmt: skip
+        **fields_of(step.end, step.state, parts), names=changes.names, contact=step.contact
+    )
 
 
 def prepared(
@@ -164,6 +160,15 @@ def each_alone(changes: Changes, wrt: Sequence[str]) -> tuple[dict[str, slice], 
     for kind, part in parts.items():
         directions[kind][:, part] = np.eye(changes.size(kind))
     return parts, directions
+
+
+def fields_of(end: Start, state: dict[str, Array], parts: dict[str, slice]) -> dict[str, Any]:
+    """What a `StateSensitivity` says of an end and its derivatives along directions of these parts."""
+    fields: dict[str, Any] = {}
+    for name in ("q", "v", "deformation"):
+        fields[name] = getattr(end, name)
+        fields[f"d{name}"] = {kind: state[name][:, part] for kind, part in parts.items()}
+    return fields
 
 
 def started(here: Steps, q: ArrayLike, v: ArrayLike, deformation: ArrayLike | None, time: float) -> Start:
