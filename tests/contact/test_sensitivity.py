@@ -8,6 +8,7 @@ import pytest
 import rungwise as rw
 from rungwise.contact.analysis.sensitivity import DATA, Sensitivity, sensitivity
 from rungwise.contact.analysis.sensitivity import _units as units
+from rungwise.contact.solver.kinds import cone, free, interval, natural_map
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 STEP = 1e-5
@@ -92,6 +93,43 @@ def test_against_central_differences(directions: int) -> None:
         along = sum(np.nansum(gradient[name] * direction[name]) for name in DATA)
         assert along == pytest.approx(float(np.concatenate(goal) @ got), rel=1e-9)
     assert min(seen.get(mode, 0) for mode in ("open", "stick", "slide")) >= 10, seen
+
+
+def slopes(p: ContactProblem, force: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """The slopes of all groups' projections at a solution, as one matrix, as the contact solver has them."""
+    d, k = p.R.shape[1], len(p.mu)
+    found = np.zeros((len(force), len(force)))
+    for i in range(k + len(p.F)):
+        own = slice(i * d, i * d + d) if i < k else slice(k * d + i - k, k * d + i - k + 1)
+        limit = p.mu[i] if i < k else p.F[i - k]
+        kind = cone.KIND if i < k else interval.KIND if np.isfinite(limit) else free.KIND
+        law = np.array([limit, 0.0] if i < k else [-limit, limit])
+        S, size = np.zeros((d, d)), own.stop - own.start
+        natural_map(kind, law, size, force[own].copy(), rate[own].copy(), np.zeros(d), S)
+        found[own, own] = S[:size, :size]
+    return found
+
+
+@pytest.mark.parametrize("directions", [2, 3])
+def test_pieces_agree_with_the_slopes_of_the_solver(directions: int) -> None:
+    """One more right-hand side of a Newton step of the contact solver, where no mode is about to change."""
+    rng, compared = np.random.default_rng(directions), 0
+    for _ in range(40):
+        p = random_step(rng, directions)
+        found = rw.solve(p, tol=1e-11)
+        s = sensitivity(p, found)
+        if s.weak or s.weak_rows:
+            continue
+        c, w, w_s = (rng.normal(size=of.shape) for of in (p.c, p.w, p.w_s))
+        change = s.forward(c=c, w=w, w_s=w_s)
+        P, Y, one = s._rows, s._yield, np.eye(len(s.force))
+        S = slopes(p, s.force, P @ s.v + Y @ s.force + np.concatenate([p.w, p.w_s]))
+        newton = np.block([[p.H, -P.T], [S @ P, one - S + S @ Y]])
+        z = np.linalg.solve(newton, np.concatenate([c, -S @ np.concatenate([w, w_s])]))
+        got = np.concatenate([change.v, change.force, change.tau])[:, 0]
+        np.testing.assert_allclose(got, z, rtol=0.0, atol=1e-6 * np.abs(z).max())
+        compared += 1
+    assert compared > 30
 
 
 def one_contact(

@@ -257,7 +257,7 @@ def test_against_steps_taken(name: str, until: float, rung: Rung) -> None:
     def difference(kind: str, i: int) -> Array:
         size, end = moved(kind, i)
         low, high = end(-size), end(size)
-        return np.concatenate([here._apart(low.q, high.q), high.v - low.v]) / (2.0 * size)
+        return np.concatenate([here.apart(low.q, high.q), high.v - low.v]) / (2.0 * size)
 
     compared = 0
     for kind in ("q", "v", "parameters"):
@@ -270,7 +270,7 @@ def test_against_steps_taken(name: str, until: float, rung: Rung) -> None:
                 assert name in ("stack", "arm_push") and kind == "q"
                 assert f"by {here.named(kind, i)}" in str(error)
                 continue
-            got = np.concatenate([step.dq, step.dv])[:, 0]
+            got = np.concatenate([step.state["q"], step.state["v"]])[:, 0]
             if np.isnan(got).any():
                 assert not rung.compliant and not step.contact.forces_determined
                 continue
@@ -297,8 +297,8 @@ def test_a_step_that_is_linearised_again(make: Make) -> None:
     for kind in ("q", "v"):
         step = differentiated(here, changes, start, {kind: np.eye(1)}, Deadline())
         low, high = (here.taken(here.moved(start, kind, np.array([side * 1e-7]))).end for side in (-1.0, 1.0))
-        assert step.dq[0, 0] == pytest.approx((high.q[0] - low.q[0]) / 2e-7, rel=1e-4)
-        assert step.dv[0, 0] == pytest.approx((high.v[0] - low.v[0]) / 2e-7, rel=1e-4)
+        assert step.state["q"][0, 0] == pytest.approx((high.q[0] - low.q[0]) / 2e-7, rel=1e-4)
+        assert step.state["v"][0, 0] == pytest.approx((high.v[0] - low.v[0]) / 2e-7, rel=1e-4)
 
 
 @pytest.mark.few(1)
@@ -312,7 +312,10 @@ def test_derivatives_follow_features_over_steps(name: str) -> None:
     at = start
     for _ in range(2):
         step = differentiated(here, changes, at, directions, Deadline())
-        at, directions = step.end, {"q": step.dq, "v": step.dv, "deformation": step.ddeformation}
+        at, directions = (
+            step.end,
+            {"q": step.state["q"], "v": step.state["v"], "deformation": step.state["deformation"]},
+        )
     for i in range(0, n, 3):
         by, ends = 1e-6 * here.reach / here.lever[i] * np.eye(n)[i], list[Start]()
         for side in (-1.0, 1.0):
@@ -320,9 +323,11 @@ def test_derivatives_follow_features_over_steps(name: str) -> None:
             for _ in range(2):
                 end = here.taken(end).end
             ends.append(end)
-        expected = here._apart(ends[0].q, ends[1].q) / (2.0 * by[i])
+        expected = here.apart(ends[0].q, ends[1].q) / (2.0 * by[i])
         scale = np.abs(here.lever * expected).max()
-        np.testing.assert_allclose(here.lever * step.dq[:, i], here.lever * expected, atol=2e-3 * scale)
+        np.testing.assert_allclose(
+            here.lever * step.state["q"][:, i], here.lever * expected, atol=2e-3 * scale
+        )
 
 
 def test_a_feature_that_changes_is_named(make: Make) -> None:
@@ -379,10 +384,24 @@ def test_a_contact_that_resists_turning_slides(make: Make, condim: int) -> None:
     np.testing.assert_allclose(s.dv["v"], expected, atol=1e-6)
 
 
-def test_contacts_that_resist_turning_are_refused_where_forces_vanish() -> None:
-    end = rw.simulate("three_fingers", "kinematic", duration=0.3).frames[-1]
-    with pytest.raises(rw.ModelError, match="resist turning have no derivative where forces vanish"):
-        rw.step_sensitivity("three_fingers", "kinematic", None, end.q, end.v, H, time=0.3, wrt=("v",))
+def test_contacts_that_resist_turning_where_forces_vanish() -> None:
+    """Fingers close around a ball on the kinematic rung, and lead it as a step with another speed does."""
+    run = rw.simulate("three_fingers", "kinematic", duration=0.55)
+    given = run.frames[-1].q, run.frames[-1].v, H
+    s = rw.step_sensitivity("three_fingers", "kinematic", None, *given, time=run.time, wrt=("parameters",))
+    assert (s.contact.force != 0.0).any() and np.isfinite(s.dq["parameters"]).all()
+    values = rw.load("three_fingers").parameters(None)
+    for i, name in enumerate(s.names):
+        if values[name] == 0.0:
+            continue
+        size = 1e-4 * values[name]
+        low, high = (
+            rw.step_sensitivity(
+                "three_fingers", "kinematic", {name: values[name] + side}, *given, time=run.time, wrt=()
+            )
+            for side in (-size, size)
+        )
+        np.testing.assert_allclose(s.dv["parameters"][:, i], (high.v - low.v) / (2.0 * size), atol=1e-6)
 
 
 def test_laws_that_jump_are_refused(make: Make) -> None:

@@ -6,8 +6,11 @@ With the active `pieces` the change of a solution solves, for a change of the da
     df = B x + limits dlimit,   du = P dv + R df + dP v + dR f + dw,   laws of x in C^T du + D x
 
 which is linear where no contact is weakly active, and one small contact problem per direction where some
-contact is: then the derivative is one-sided. Sources: Robinson, Math. Oper. Res. 5 (1980) 43-62; Pang, Math.
-Oper. Res. 15 (1990) 311-341 (B-derivatives of complementarity problems).
+contact is: then the derivative is one-sided. Where it is linear it is one more right-hand side of a Newton
+step of the contact solver. Its factors do not serve, though: they eliminate forces, which rigid contacts that
+hold allow with the proximal term alone, and they do not tell which forces are determined. Sources: Robinson,
+Math. Oper. Res. 5 (1980) 43-62; Pang, Math. Oper. Res. 15 (1990) 311-341 (B-derivatives of complementarity
+problems).
 """
 
 from __future__ import annotations
@@ -267,7 +270,6 @@ class Sensitivity:
             if name not in DATA:
                 raise ValueError(f"{name}: is none of {', '.join(DATA)}")
         given = {name: numbers(name, value) for name, value in data.items()}
-        count = 1
         for name, value in given.items():
             shape = getattr(self.problem, name).shape
             if value.shape == shape:
@@ -276,7 +278,7 @@ class Sensitivity:
                 raise ValueError(f"{name}: has shape {value.shape}; the problem makes it {shape} or (*, m)")
             if not np.isfinite(value).all():
                 raise ValueError(f"{name}: must be finite")
-            count = max(count, given[name].shape[-1])
+        count = max((value.shape[-1] for value in given.values()), default=1)
         columns = {}
         for name in DATA:
             like = getattr(self.problem, name)

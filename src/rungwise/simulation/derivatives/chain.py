@@ -19,16 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
-from rungwise.simulation.derivatives.changes import KINDS
-from rungwise.simulation.derivatives.in_space import SpaceSensitivity, run_sensitivity_in_space
+from rungwise.simulation.derivatives.changes import STATE
 from rungwise.simulation.derivatives.sensitivity import (
     WRT,
     StateSensitivity,
     differentiated,
+    each_alone,
+    fields_of,
     prepared,
     started,
 )
@@ -64,26 +62,24 @@ def run_sensitivity(
     names: Sequence[str] | None = None,
     theta: float = 1.0,
     limit: float | None = None,
-) -> RunSensitivity | SpaceSensitivity:
+) -> RunSensitivity:
     """Take `steps` steps of length h, and differentiate the state after them.
 
     Args:
         scene, model, parameters, theta: as for `simulate`.
         steps: how many, at least 1.
         h: length of each; the scene's own if not given.
-        q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and its start
-            depends on parameters.
-        deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
+        q, v: (n_q,), (n,) at the start, both or none. If none, the run starts as the scene does, and its
+            start depends on parameters.
+        deformation: (slots, d) of contacts at the start, as for `step_sensitivity`; none if not given.
         time: at the start, for numbers that depend on time.
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
 
-    In space derivatives are by differences of runs (see `SpaceSensitivity`), with respect to "q", "v" and
-    "parameters" (inputs included); by default to parameters alone.
-
     Raises:
         ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
-            limit of travel or a new feature reached within it.
+            limit of travel or a new feature reached within it, or a contact changes its feature with an
+            unknown, which is named.
         LimitError: `limit` seconds are over before all steps, and all differences, are taken: the derivative
             after fewer steps would be another answer.
     """
@@ -92,22 +88,9 @@ def run_sensitivity(
         raise ModelError(f"steps: must be a whole number of at least 1, not {steps!r}")
     if (q is None) != (v is None):
         raise ModelError("q and v: give both, or none to start as the scene does")
-    scene = load(scene)
-    if isinstance(scene, SpaceScene):
-        if deformation is not None or time != 0.0:
-            raise ModelError(
-                "deformation and time: runs in space begin at 0, with contacts that do not yield yet"
-            )
-        asked_in_space = ("parameters",) if wrt is None else wrt
-        with deadline.needed_for(WHOLE):
-            return run_sensitivity_in_space(
-                scene, model, parameters, steps, h, q, v, asked_in_space, names, theta, deadline
-            )
-    if not isinstance(scene, Scene):
-        raise ModelError(f"scene: derivatives of runs do not work for {scene.name}")
     start = _Asked(q, v, deformation, time, WRT if wrt is None else wrt, names)
     with deadline.needed_for(WHOLE):
-        return _in_plane(scene, model, parameters, steps, h, start, theta, deadline)
+        return _chained(scene, model, parameters, steps, h, start, theta, deadline)
 
 
 class _Asked(NamedTuple):
@@ -121,50 +104,37 @@ class _Asked(NamedTuple):
     names: Sequence[str] | None
 
 
-def _in_plane(
-    scene: Scene, model: Rung | str, parameters: Mapping[str, float] | None, steps: int, h: float | None,
-    asked_for: _Asked, theta: float, deadline: Deadline,
+def _chained(
+    scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str,
+    parameters: Mapping[str, float] | None, steps: int, h: float | None, asked_for: _Asked, theta: float,
+    deadline: Deadline,
 ) -> RunSensitivity:  # fmt: skip
     """See `run_sensitivity`. Raises ModelError, and TimeOver."""
     q, v, deformation, time, wrt, names = asked_for
-    values = scene.parameters(parameters)
-    length = float(scene.bind(values).records.world[0]["step"]) if h is None else h
-    kinds = (*wrt, "q", "v", "deformation")
-    here, changes = prepared(scene, model, values, length, theta, kinds, names, deadline)
-    begin_q, begin_v = here.begun if q is None or v is None else (q, v)
+    here, changes = prepared(scene, model, parameters, h, theta, wrt, names, deadline)
+    begin_q, begin_v = (here.begun.q, here.begun.v) if q is None or v is None else (q, v)
     start = started(here, begin_q, begin_v, deformation, time)
-    asked = [kind for kind in KINDS if kind in wrt]
-    first = np.concatenate([[0], np.cumsum([changes.size(kind) for kind in asked])]).astype(int)
-    parts = {kind: slice(a, b) for kind, a, b in zip(asked, first, first[1:], strict=False)}
-    directions = {}
-    for kind in changes.kinds:
-        directions[kind] = np.zeros((changes.size(kind), first[-1]))
-        if kind in parts:
-            directions[kind][:, parts[kind]] = np.eye(changes.size(kind))
+    parts, directions = each_alone(changes, wrt)
     if q is None and "parameters" in parts:
         for kind, begun in zip(("q", "v"), changes.begins(), strict=True):
             directions[kind][:, parts["parameters"]] = begun
+    labels = [changes.label(kind, i) for kind in parts for i in range(changes.size(kind))]
     weak: list[int] = []
-    lost = np.zeros(first[-1], bool)
+    lost = np.zeros(directions["q"].shape[1], bool)
     for number in range(steps):
         try:
-            step = differentiated(here, changes, start, directions, deadline)
+            step = differentiated(here, changes, start, directions, deadline, labels)
         except LimitError:
             raise
         except ValueError as error:
             reason = str(error).removeprefix("step: ")
             raise ModelError(f"step {number}, from time {start.time:.6g}: {reason}") from None
-        state = {"q": step.dq, "v": step.dv, "deformation": step.ddeformation}
-        lost |= ~np.isfinite(np.vstack(list(state.values()))).all(axis=0)
-        directions |= {kind: np.where(lost, 0.0, value) for kind, value in state.items()}
+        lost |= ~np.isfinite(np.vstack(list(step.state.values()))).all(axis=0)
+        directions |= {kind: np.where(lost, 0.0, value) for kind, value in step.state.items()}
         if step.contact.weak or step.contact.weak_rows:
             weak.append(number)
         start = step.end
-    dq, dv, strain = (
-        {kind: np.where(lost, np.nan, directions[of])[:, part] for kind, part in parts.items()}
-        for of in ("q", "v", "deformation")
-    )
+    state = {kind: np.where(lost, np.nan, directions[kind]) for kind in STATE}
     return RunSensitivity(
-        time=start.time, q=start.q, v=start.v, deformation=start.deformation, dq=dq, dv=dv,
-        ddeformation=strain, names=changes.names, weak=tuple(weak),
-    )  # fmt: skip
+        **fields_of(start, state, parts), time=start.time, names=changes.names, weak=tuple(weak)
+    )

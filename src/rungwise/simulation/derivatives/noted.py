@@ -8,43 +8,35 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step import ContactProblem, trim
+from rungwise.contact.step import ContactProblem, Unknowns
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.derivatives.steps import Array, Held
+from rungwise.simulation.derivatives.steps import Array, Held, found_in, terms_of
 from rungwise.simulation.options import ModelError
 from rungwise.system.spatial.features import Features
 from rungwise.system.spatial.space import Space
 
-OF_CONTACTS = ("gap", "friction", "restitution", "contact_stiffness", "contact_damping")
-"""Terms with one entry for each contact."""
 OF_FEATURES = ("geoms", "place", "along", "world", "used")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceHeld(Held):
-    """Choices, the features of the step's contacts and their terms; `pushing` (c,): whether one is closed, or
-    may be; `speed` (n,) in the step; how deep things overlapped before it, `ease` (see `models.assemble`),
-    and how far contacts were looked for."""
+    """Choices, and the features of the step's contacts; `pushing` (c,): whether one is closed, or may be;
+    `speed` (n,) in the step; how deep things overlapped before it, and how far contacts were looked for."""
 
     features: tuple[NDArray[Any], ...]
-    terms: dict[str, Array]
     pushing: NDArray[np.bool_]
     speed: Array
     deep: float
-    ease: float
     margin: float
 
 
 class Solved(NamedTuple):
-    """What the core solved at a place: its problem, velocities x of the free coordinates, forces of contacts
-    and of rows, and all speeds."""
+    """What the core solved at a place: its problem, what it found, and its choices."""
 
     trial: Array
     problem: ContactProblem
-    x: Array
-    force: Array
-    tau: Array
+    found: Unknowns
     held: SpaceHeld
 
 
@@ -58,33 +50,18 @@ class Noting(Stepper):
         if status == SUPPORTED:
             if self.noted and self.noted[-1].trial is self._trial:
                 self.noted.pop()
-            self.noted.append(self._solved())
+            self.noted.append(Solved(self._trial, *found_in(self._tried(h)), self._held()))
         return status
 
-    def _solved(self) -> Solved:
+    def _held(self) -> SpaceHeld:
         terms, scratch, count, clock = self.terms, self.scratch, self.contacts, self.clock
-        space = cast(Space, self.system)
-        n, limited, d = int(clock["free"]), int(clock["limited"]), self.system.size.directions
-        held = SpaceHeld(
-            slots=scratch.slots[:count].copy(), gap=terms.gap[:count].copy(),
-            stiffness=terms.contact_stiffness[:count].copy(), damping=terms.contact_damping[:count].copy(),
-            bounced=np.zeros(count, bool), eps=float(clock["eps"]), theta=float(clock["theta"]),
-            features=copied(space.found),
-            terms=of_contacts(self, count), pushing=np.zeros(count, bool), speed=scratch.v_new.copy(),
-            deep=self._deep, ease=float(terms.pause[0]), margin=space.margin,
+        space, none = cast(Space, self.system), np.zeros(count, bool)
+        return SpaceHeld(
+            slots=scratch.slots[:count].copy(), terms=terms_of(terms, count), bounced=none,
+            eps=float(clock["eps"]), theta=float(clock["theta"]), ease=float(terms.pause[0]),
+            features=copied(space.found), pushing=none, speed=scratch.v_new.copy(), deep=self._deep,
+            margin=space.margin,
         )  # fmt: skip
-        problem = trim(self.problem, n, count, limited)
-        force, tau = scratch.contact_force[: count * d].copy(), scratch.limited_force[:limited].copy()
-        return Solved(self._trial, problem, scratch.x[:n].copy(), force, tau, held)
-
-
-def of_contacts(stepper: Stepper, count: int) -> dict[str, Array]:
-    """The terms of the first contacts, rows (c, d n) and deformations (c, d) among them."""
-    terms, d = stepper.terms, stepper.system.size.directions
-    found = {name: getattr(terms, name)[:count].copy() for name in OF_CONTACTS}
-    found["rows"] = terms.rows[: count * d].reshape(count, d * terms.rows.shape[1]).copy()
-    found["deformation"] = terms.deformation[: count * d].reshape(count, d).copy()
-    return found
 
 
 def copied(features: Features) -> tuple[NDArray[Any], ...]:

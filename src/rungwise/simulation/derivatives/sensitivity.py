@@ -10,7 +10,7 @@ differenced through the threshold below which it counts as zero. No step but the
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,15 +18,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rungwise.contact.analysis import DATA, RightHandSide, Sensitivity
+from rungwise.content import ByContent
 from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.assembly import Assembly
-from rungwise.simulation.derivatives.changes import KINDS, Block, Changes, EndSensitivity
+from rungwise.simulation.derivatives.changes import KINDS, STATE, Base, Block, Changes
 from rungwise.simulation.derivatives.space_assembly import SpaceAssembly
 from rungwise.simulation.derivatives.steps import Array, Data, Held, Start, Steps
 from rungwise.simulation.options import ModelError
@@ -35,16 +37,25 @@ from rungwise.wording import choices
 WRT = ("q", "v", "inputs", "parameters")
 
 
-@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class StateSensitivity(EndSensitivity):
-    """The `deformation` (slots, d) beside q and v, d = 2 directions in the plane, and its derivatives
-    ddeformation (d slots, m); inputs are the speed of a prescribed velocity and a force on any other.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StateSensitivity(ByContent):
+    """The state that steps lead to: `q` (n_q,), `v` (n,), `deformation` (slots, d), d = 2 directions in the
+    plane; and its derivatives dq, dv (n, m), ddeformation (d slots, m) by kind of unknown: "q", "v" and
+    "deformation" at the start, "inputs", which are the speed of a prescribed velocity and a force on any
+    other, and "parameters" in the order of `names`. NaN where nothing determines the derivative.
 
-    Changes of q are those of velocities' coordinates, before the step and after it: in space a turn is a
+    Changes of q are those of velocities' coordinates, before the steps and after them: in space a turn is a
     vector about the body's own axes, and q has more entries than dq has rows."""
 
+    q: Array
+    v: Array
     deformation: Array
+    dq: dict[str, Array]
+    dv: dict[str, Array]
     ddeformation: dict[str, Array]
+    names: tuple[str, ...]
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -105,28 +116,20 @@ def _step_sensitivity(
     """See `step_sensitivity`. Raises TimeOver."""
     here, changes = prepared(scene, model, parameters, h, theta, wrt, names, deadline)
     start = started(here, q, v, deformation, time)
-    sizes = [changes.size(kind) for kind in changes.kinds]
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    directions = {
-        kind: np.eye(size, first[-1], k) for kind, size, k in zip(changes.kinds, sizes, first, strict=False)
-    }
+    parts, directions = each_alone(changes, wrt)
     step = differentiated(here, changes, start, directions, deadline)
-    parts = {kind: slice(a, b) for kind, a, b in zip(changes.kinds, first, first[1:], strict=False)}
-    dq, dv, strain = (
-        {kind: of[:, part] for kind, part in parts.items()} for of in (step.dq, step.dv, step.ddeformation)
-    )
     return StepSensitivity(
-        q=step.end.q, v=step.end.v, deformation=step.end.deformation, dq=dq, dv=dv, ddeformation=strain,
-        names=changes.names, contact=step.contact,
-    )  # fmt: skip
+        **fields_of(step.end, step.state, parts), names=changes.names, contact=step.contact
+    )
 
 
 def prepared(
     scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str,
-    parameters: Mapping[str, float] | None, h: float, theta: float, wrt: Sequence[str],
+    parameters: Mapping[str, float] | None, h: float | None, theta: float, wrt: Sequence[str],
     names: Sequence[str] | None, deadline: Deadline,
 ) -> tuple[Steps, Changes]:  # fmt: skip
-    """The objects that differentiate steps of a scene. Raises ModelError, and TimeOver."""
+    """The objects that differentiate steps of a scene, as long as its own if h is not given. Raises
+    ModelError, and TimeOver."""
     scene = load(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
@@ -143,16 +146,40 @@ def prepared(
         here = SpaceAssembly(scene, model, values, h, theta)
     else:
         raise ModelError(f"scene: derivatives of steps do not work for {scene.name}")
-    return here, Changes(here, scene, model, values, chosen, wrt, deadline)
+    return here, Changes(here, scene, model, values, chosen, deadline)
+
+
+def each_alone(changes: Changes, wrt: Sequence[str]) -> tuple[dict[str, slice], dict[str, Array]]:
+    """Where the directions by the unknowns of each kind of `wrt` are, and these directions (unknowns, m) by
+    kinds, those of the state among them: in each one unknown changes by one."""
+    parts, count = dict[str, slice](), 0
+    for kind in (kind for kind in KINDS if kind in wrt):
+        parts[kind] = slice(count, count + changes.size(kind))
+        count = parts[kind].stop
+    directions = {kind: np.zeros((changes.size(kind), count)) for kind in dict.fromkeys((*STATE, *parts))}
+    for kind, part in parts.items():
+        directions[kind][:, part] = np.eye(changes.size(kind))
+    return parts, directions
+
+
+def fields_of(end: Start, state: dict[str, Array], parts: dict[str, slice]) -> dict[str, Any]:
+    """What a `StateSensitivity` says of an end and its derivatives along directions of these parts."""
+    fields: dict[str, Any] = {}
+    for name in ("q", "v", "deformation"):
+        fields[name] = getattr(end, name)
+        fields[f"d{name}"] = {kind: state[name][:, part] for kind, part in parts.items()}
+    return fields
 
 
 def started(here: Steps, q: ArrayLike, v: ArrayLike, deformation: ArrayLike | None, time: float) -> Start:
     """The start of a step. Raises ModelError naming the argument of wrong shape."""
-    like = here.shape
-    strain = np.zeros(like) if deformation is None else np.asarray(deformation, np.float64)
+    begun = here.begun
+    like = begun.deformation.shape
+    strain = begun.deformation if deformation is None else np.asarray(deformation, np.float64)
     if strain.shape != like or not np.isfinite(strain).all():
         raise ModelError(f"deformation: must have shape {like} and be finite")
-    return Start(_vector("q", q, len(here.begun[0])), _vector("v", v, len(here.lever)), strain, time)
+    places, speeds = _vector("q", q, len(begun.q)), _vector("v", v, len(begun.v))
+    return replace(begun, q=places, v=speeds, deformation=strain, time=time)
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
@@ -163,29 +190,31 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 
 
 class Differentiated(NamedTuple):
-    """One step: its end, and the derivatives (n or slots d, m) of the end along the directions given."""
+    """One step: its end, the derivatives (unknowns, m) of what it hands on, by the kinds of `STATE`, along
+    the directions given, and the contact problem that it solved last."""
 
     end: Start
-    dq: Array
-    dv: Array
-    ddeformation: Array
+    state: dict[str, Array]
     contact: Sensitivity
 
 
 def differentiated(
-    here: Steps, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline
-) -> Differentiated:
-    """Take the step from `start`, and differentiate its end along directions (unknowns of a kind, m).
+    here: Steps, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline,
+    labels: Sequence[str] = (),
+) -> Differentiated:  # fmt: skip
+    """Take the step from `start`, and differentiate its end along directions (unknowns of a kind, m), which
+    have labels (m,) where they are fewer than the unknowns that move.
 
     Raises ModelError if the step cannot be taken, or has no derivative, and TimeOver.
     """
     with deadline.running(here.halt):
-        return _differentiated(here, changes, start, directions, deadline)
+        return _differentiated(here, changes, start, directions, deadline, labels)
 
 
 def _differentiated(
-    here: Steps, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline
-) -> Differentiated:
+    here: Steps, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline,
+    labels: Sequence[str],
+) -> Differentiated:  # fmt: skip
     """See `differentiated`."""
     deadline.look()
     taken = here.taken(start)
@@ -195,7 +224,8 @@ def _differentiated(
     for held, contact, speed in here.linearised(start, taken):
         lost |= np.isnan(turn).any(axis=0)
         by = directions if trial is None else {**directions, "trial": np.where(lost, 0.0, turn)}
-        right, data = _combined(contact, changes.blocks(held, start, trial, by), here, count)
+        base = Base(held, start, trial, here.data(held, start, trial))
+        right, data = _combined(contact, base.data, changes.blocks(base, by, labels), count)
         change = contact.solved(right, limit=deadline.seconds)
         turn = data["speed"].copy()
         turn[here.free] = change.v
@@ -204,28 +234,26 @@ def _differentiated(
     free = np.isin(np.arange(n), here.free)[:, None]
     dv = np.where(free, (turn - (1.0 - held.theta) * directions.get("v", none)) / held.theta, turn)
     strain = _deformed(here, held, start, contact, data, change.force, directions)
-    return Differentiated(
-        taken.end,
-        here.ended(start, taken.speed, directions.get("q", none), turn),
-        dv,
-        here.followed(taken, strain),
-        contact,
-    )
+    state = {
+        "q": here.ended(start, taken.speed, directions.get("q", none), turn),
+        "v": dv,
+        "deformation": here.followed(taken, strain),
+        **here.handed_on(held, data),
+    }
+    return Differentiated(taken.end, state, contact)
 
 
 def _combined(
-    contact: Sensitivity, blocks: Iterator[Block], here: Steps, count: int
+    contact: Sensitivity, data: Data, blocks: Iterator[Block], count: int
 ) -> tuple[RightHandSide, Data]:
     """The right-hand side along all directions, and the changes of other data along them."""
-    problem = contact.problem
-    right = contact.right_hand_side({"c": np.zeros((len(problem.c), count))})
-    own = {"speed": np.zeros((len(here.lever), count))}
-    own |= {name: np.zeros((*problem.R.shape, count)) for name in ("stiffness", "damping")}
+    right = contact.right_hand_side({"c": np.zeros((len(contact.problem.c), count))})
+    own = {name: np.zeros((*data[name].shape, count)) for name in data.keys() - {*DATA, "gap"}}
     for change, size, by in blocks:
-        part = contact.right_hand_side({name: change[name] for name in DATA}, size)
+        part = contact.right_hand_side({name: change[name] for name in DATA if name in change}, size)
         right = RightHandSide(*map(np.add, right, part.along(by)))
-        for name, total in own.items():
-            total += change[name] @ by
+        for name in own.keys() & change.keys():
+            own[name] += change[name] @ by
     return right, own
 
 
@@ -243,7 +271,7 @@ def _deformed(
         return np.zeros((slots * d, count))
     lam = contact.force[: len(held.slots) * d].reshape(-1, d)
     for k, slot in enumerate(held.slots):
-        K, C = held.stiffness[k], held.damping[k]
+        K, C = held.terms["contact_stiffness"][k], held.terms["contact_damping"][k]
         if not np.isfinite(K).all():
             continue
         pushed = bool((lam[k] != 0.0).any())

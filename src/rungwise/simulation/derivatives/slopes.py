@@ -9,6 +9,8 @@ arXiv 2206.10787, where forces act at a distance that fades out).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rungwise.contact.analysis import DATA
@@ -33,8 +35,8 @@ class Slopes:
 
         Raises ModelError where there is no derivative.
         """
-        here, n = self._here, len(self._here.lever)
-        start = Start(q, np.zeros(n), np.zeros(here.shape), time)
+        here = self._here
+        start = replace(here.begun, q=q, v=np.zeros(len(here.lever)), time=time)
         here.tell(levels)
         contact, _ = here.solved_near(start, self._near)
         each = [self._change(start, levels, int(k), float(s)) for k, s in zip(columns, spans, strict=True)]
