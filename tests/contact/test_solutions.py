@@ -18,6 +18,7 @@ from rungwise.contact.judge import farkas
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.step import modes
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from tests.simulation.linear_system import choices, linear_system
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
 Array = np.ndarray
@@ -125,8 +126,8 @@ def enumerate_all(p: ContactProblem) -> tuple[list[tuple[int, ...]], Array, Arra
     """Modes that hold solutions, and the least and greatest of each unknown over all of them."""
     held, low, high = [], np.inf, -np.inf
     units = modes.natural_units(p)
-    for mode in product(*modes.choices(p)):
-        E, e, G, g = modes.linear_system(p, mode)
+    for mode in product(*choices(p)):
+        E, e, G, g = linear_system(p, mode)
         ends = []
         for cost in (*np.eye(E.shape[1]), *-np.eye(E.shape[1])):
             found = linprog(cost, -G, -g, E, e, bounds=(-BOX, BOX), method="highs")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rungwise.contact.certify import certify_infeasible
 from rungwise.contact.judge.certificate import check
-from rungwise.contact.judge.find_certificates import certify_infeasible
 from rungwise.contact.step import TOLERANCE
-from rungwise.contact.step.modes import linear_system, natural_units, yielding
+from rungwise.contact.step.modes import natural_units, yielding
+from tests.simulation.linear_system import linear_system
 
 
 def problems(random_problem, count, seed=1, most=4):

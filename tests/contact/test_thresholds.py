@@ -23,7 +23,6 @@ from rungwise.contact.exact import calmed
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.certificate import check as certified
 from rungwise.contact.judge.farkas import HULL, _lifting, excludes, excludes_given
-from rungwise.contact.judge.find_certificates import _decided
 from rungwise.contact.judge.residuals import imbalance, judge, own_terms
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.measure import natural
@@ -32,7 +31,6 @@ from rungwise.contact.prepare.equivalent import in_contacts
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.prepare.units import measured
 from rungwise.contact.problem import Problem
-from rungwise.contact.step.modes import ANY, OPEN
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.deadline import NEVER
 
@@ -168,13 +166,6 @@ def shifted(large: float, e: float) -> float:
     return judge(problem, scaled(problem), np.array([large, large + 1.0 + e])).natural
 
 
-def seems_open(e: float) -> bool:
-    """Whether a contact that carries so little, in natural units, counts as open."""
-    p = allocate_problem(2, 1, 0)
-    p.H[:], p.W[:], p.c[1], p.mu[:] = np.eye(2), [[0.0, 1.0], [1.0, 0.0]], -1.0, 0.5
-    return int(_decided(p, (ANY,), np.array([0.0, 0.0, e, 0.0]))[0]) == OPEN
-
-
 def opposed(e: float) -> tuple[Problem, Any]:
     """Two rates that may not be negative; their sum is -e whatever the forces are. And the system."""
     problem = Problem.lcp(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([-1.0, 1.0 - e]))
@@ -270,7 +261,6 @@ SIDES: dict[str, tuple[Number, float, float]] = {
     "forces below all numbers": (lambda f: not is_in_range(1e-139, f * 1e278), 1e-291, 1e-289),
     "an error that rounding hides": (lambda e: shifted(1e4, e) == 0.0, 5e-12, 1e-10),
     "unknowns that rounding may hide": (lambda large: shifted(large, 0.0) < 1e-8, 1e11, 1e13),
-    "a contact that carries nothing": (seems_open, 1e-10, 1e-8),
     "a response that is not known": (lambda e: not is_known(e), 2e-13, 1e-10),
     "a matrix without inverse": (lambda e: inverted(e) < 10.0, 5e-15, 1e-12),
     "an interval without inside": (lambda e: strict_sides(e) == 0, 1e-7, 1e-5),

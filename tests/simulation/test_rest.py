@@ -16,10 +16,11 @@ from scipy.optimize import linprog
 
 import rungwise as rw
 from rungwise.contact.judge.certificate import check, without_inertia
-from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK, linear_system
+from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.simulation.planar.state.nearby import gather, widen
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import terms as planar
+from tests.simulation.linear_system import linear_system
 
 Body = dict[str, Any]
 

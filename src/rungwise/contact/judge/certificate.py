@@ -3,13 +3,13 @@
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
   that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. This kind concerns speeds alone,
   neither loads nor momentum.
-* frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
-  mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
+* frictional: for every contact mode multipliers of the rates and of the balance that contradict each other
+  (see `farkas`). A mode that leaves contacts undecided has fewer rows, and its multipliers serve all its
+  completions. Rows that yield have no part in it.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
-* unbalanced: Farkas vectors for every contact mode, as in a frictional certificate, of the problem with H_0
-  in the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count
-  with their rates: so a part slips out of a grip whose drive limits its force.
+* unbalanced: the same of the problem with H_0 in the place of H: no motion, however fast, balances the loads
+  without inertia: so a part slips out of a grip whose drive limits its force.
 
 Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In
 floating point a remainder `left` multiplies the unknowns, and the proof says that no solution x has |x|_1 <=
@@ -22,14 +22,18 @@ bound holds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from rungwise.contact.step.modes import ANY, choices, contains, linear_system, natural_units, parts, yielding
+from rungwise.contact.step.modes import natural_units, yielding
 from rungwise.contact.step.problem import ContactProblem, trim
+
+if TYPE_CHECKING:
+    from rungwise.contact.problem import Problem
 
 REACH = 1e3
 """Size of motions that a certificate must exclude, over the size of the motion that loads alone would cause.
@@ -48,6 +52,14 @@ class Certificate:
     modes: tuple[tuple[int, ...], ...] = ()
 
 
+class Balance(NamedTuple):
+    """A balance of loads without inertia: modes (contacts, then limited rows), and forces (k d,) and (b,)."""
+
+    modes: NDArray[np.int64]
+    force: NDArray[np.float64]
+    tau: NDArray[np.float64]
+
+
 def check(
     problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None
 ) -> bool:
@@ -64,11 +76,11 @@ def check(
         case "kinematic":
             return _check_kinematic(problem, certificate.vectors[0])
         case "frictional":
-            return _check_frictional(problem, certificate, held=True)
+            return _check_modes(problem, certificate, held=True)
         case "unsupported":
             return _check_unsupported(problem, certificate.vectors[0], rest)
         case "unbalanced":
-            return _check_frictional(without_inertia(problem, rest), certificate, held=False)
+            return _check_modes(without_inertia(problem, rest), certificate, held=False)
     return False
 
 
@@ -123,47 +135,36 @@ def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> boo
     return _excludes(-force * offset / demanded(offset, contacts), left)
 
 
-def excludes_mode(
-    problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64], held: bool
-) -> bool:
-    """Whether the Farkas vector proves that no solution is in a completion of `mode`; `held` as in
-    `linear_system`."""
-    equal, value, lower, bound = linear_system(problem, mode, held)
-    if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
-        return False
-    return _excludes(
-        vector * np.concatenate([value, bound]),
-        vector[:, None] * np.vstack([equal, lower]),
-        _free_motion(problem),
-    )
+def without_yields(problem: ContactProblem) -> Problem:
+    """The problem in which rows that yield have no rates: to a force so large that a float no longer tells
+    the difference, they give way to any motion. If it has no solution, the problem has none, however little
+    they yield."""
+    from rungwise.contact.problem import Problem
+
+    given, (contacts, rows) = Problem.of_step(problem), yielding(problem)
+    gone = np.concatenate([contacts.repeat(given.directions), np.zeros(len(problem.c), bool), rows])
+    A = given.A.toarray() if sp.issparse(given.A) else given.A
+    return Problem(
+        np.where(gone[:, None], 0.0, A), np.where(gone, 0.0, given.b), given.mu, given.directions,
+        given.lower, given.upper, given.velocities,
+    )  # fmt: skip
 
 
-def _check_frictional(problem: ContactProblem, certificate: Certificate, held: bool) -> bool:
-    options, modes = choices(problem, held), certificate.modes
-    if problem.R.shape[1] != 2 or len(modes) != len(certificate.vectors):
-        return False
-    if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):
-        return False
-    return all(excludes_mode(problem, *pair, held) for pair in zip(modes, certificate.vectors, strict=True))
+def _check_modes(problem: ContactProblem, certificate: Certificate, held: bool) -> bool:
+    """Whether multipliers of the scaled problem, in units of its rates without forces or of demanded rates,
+    exclude each of the modes; where `held`, without rates of rows that yield."""
+    # Few runs need what scaled problems need, and it takes long to import.
+    from rungwise.contact.judge.farkas import Infeasible, proves
+    from rungwise.contact.prepare.system import scaled
+    from rungwise.contact.problem import Problem
 
-
-def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: list[tuple[int, ...]]) -> bool:
-    """Whether every completion of `part` is a completion of one of `modes`."""
-    compatible = [
-        mode
-        for mode in modes
-        if all(contains(m, p) or contains(p, m) for m, p in zip(mode, part, strict=True))
-    ]
-    if not compatible:
+    try:
+        given = without_yields(problem) if held else Problem.of_step(problem)
+        systems = scaled(given), scaled(given, massless=True)
+    except ValueError:  # directions, or numbers, for which there is no such proof
         return False
-    undecided = [i for i, p in enumerate(part) if not contains(compatible[0][i], p)]
-    if not undecided:
-        return True
-    i = undecided[0]
-    return all(
-        _cover(compatible, (*part[:i], option, *part[i + 1 :]), options)
-        for option in parts(options[i], part[i])
-    )
+    proof = Infeasible("jammed", certificate.modes, certificate.vectors)
+    return any(proves(given, system, proof) for system in systems)
 
 
 def _check_unsupported(

@@ -1,6 +1,6 @@
 """The problem of one step, whatever model it came from, and what comes of it."""
 
-from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
+from rungwise.contact.step.modes import BACKWARD, FORWARD, NAMES, OPEN, STICK
 from rungwise.contact.step.problem import (
     EXACT_BEGIN,
     EXACT_COS,
@@ -20,7 +20,7 @@ from rungwise.contact.step.problem import (
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SEARCH, SOLVED, TOLERANCE
 
 __all__ = [
-    "ANY", "BACKWARD", "EXACT_BEGIN", "EXACT_COS", "EXACT_ROW", "EXACT_SIN", "FORWARD", "GUESS", "NAMES",
+    "BACKWARD", "EXACT_BEGIN", "EXACT_COS", "EXACT_ROW", "EXACT_SIN", "FORWARD", "GUESS", "NAMES",
     "NO_SOLUTION", "NO_SURFACES", "OPEN", "PROXIMAL", "SEARCH", "SOLVED", "STICK", "TOLERANCE",
     "ContactProblem", "Elimination", "Sizes", "Surfaces", "Unknowns", "allocate_problem", "keep_contacts",
     "matrix_size", "trim",

@@ -1,4 +1,4 @@
-"""Contact modes: which stratum of the state space a contact is on, and the linear system of each.
+"""Contact modes: which stratum of the state space a contact is on; and the units of a problem.
 
 A force-limited row uses the same numbers: STICK it holds, FORWARD and BACKWARD it slips at its limit.
 """
@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import kernel
 
-CLOSED, ANY, OPEN, STICK, FORWARD, BACKWARD = -2, -1, 0, 1, 2, 3
+OPEN, STICK, FORWARD, BACKWARD = 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
-"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided; CLOSED
-leaves only the slip undecided."""
-
-_FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
-
-Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""E, e, G, g of the system E x = e, G x >= g."""
+"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it."""
 
 
 @kernel
@@ -40,36 +34,6 @@ def clear(d: int, sizes: Sizes, unknowns: Unknowns) -> None:
 def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which contacts, and which limited rows, give way to their own force: no motion is impossible there."""
     return (problem.R != 0.0).any(axis=(1, 2)), problem.R_s > 0.0
-
-
-def choices(problem: ContactProblem, held: bool = False) -> list[tuple[int, ...]]:
-    """The modes that each contact, then each limited row, of a planar problem can be in.
-
-    With `held`, a contact or row that yields has one mode, STICK: in every mode its force is in the cone or
-    interval that `linear_system` then gives it.
-    """
-    soft, soft_rows = yielding(problem)
-    soft, soft_rows = soft & held, soft_rows & held
-    modes: list[tuple[int, ...]] = []
-    for k, mu in enumerate(problem.mu):
-        rigid = (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD)
-        modes.append((STICK,) if soft[k] else rigid)
-    for r, F in enumerate(problem.F):
-        holds = soft_rows[r] or np.isinf(F)
-        modes.append((STICK,) if holds else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))
-    return modes
-
-
-def parts(options: tuple[int, ...], mode: int) -> tuple[int, ...]:
-    """The modes of which an undecided mode consists; `options` are the modes that there are."""
-    if mode == ANY:
-        return (OPEN, CLOSED) if OPEN in options and STICK in options else options
-    return options[1:] if mode == CLOSED else ()
-
-
-def contains(whole: int, part: int) -> bool:
-    """Whether `part` is `whole` or one of its parts."""
-    return whole in (ANY, part) or (whole == CLOSED and part in (STICK, FORWARD, BACKWARD))
 
 
 class Units(NamedTuple):
@@ -108,86 +72,3 @@ def natural_units(problem: ContactProblem) -> Units:
         velocity,
         max(load, resist * velocity) or 1.0,
     )
-
-
-def linear_system(problem: ContactProblem, mode: tuple[int, ...], held: bool = False) -> Inequalities:
-    """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY or
-    CLOSED, the equations and inequalities common to its parts. With `held`, this holds for rows that yield,
-    and their rates are left out: to a force so large that a float no longer tells the difference, they give
-    way to any motion.
-
-    Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
-    units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
-    holds.
-    """
-    p = problem
-    n, contacts, limited = len(p.c), len(p.mu), len(p.F)
-    unit_v, velocity, force = natural_units(p)
-    size = n + 2 * contacts + limited
-    rates = np.zeros((2 * contacts + limited, size))
-    rates[:, :n] = np.vstack([p.W, p.S]) * (unit_v / velocity)
-    for k in range(contacts):
-        rates[2 * k : 2 * k + 2, n + 2 * k : n + 2 * k + 2] = p.R[k] * (force / velocity)
-    for r in range(limited):
-        rates[2 * contacts + r, n + 2 * contacts + r] = p.R_s[r] * (force / velocity)
-    offset = np.concatenate([p.w, p.w_s]) / velocity
-    per_force = unit_v / (velocity * force)
-    equal = [np.hstack([p.H * unit_v * per_force[:, None], -rates[:, :n].T])]
-    value = [p.c * per_force]
-    least: list[NDArray[np.float64]] = []
-    bound: list[float] = []
-    own_force = np.eye(size)[n:]
-
-    def add(row: NDArray[np.float64], right: float, inequality: bool = False) -> None:
-        if inequality:
-            least.append(row)
-            bound.append(right)
-        else:
-            equal.append(row[None, :])
-            value.append(np.array([right]))
-
-    soft, soft_rows = yielding(p)
-    soft, soft_rows = soft & held, soft_rows & held
-    for k in range(contacts):
-        normal, tangent = own_force[2 * k], own_force[2 * k + 1]
-        if mode[k] in (ANY, CLOSED) or soft[k]:
-            if not soft[k]:
-                add(rates[2 * k], -offset[2 * k], mode[k] == ANY)
-            add(normal, 0.0, True)
-            if p.mu[k] > 0.0:
-                add(p.mu[k] * normal - tangent, 0.0, True)
-                add(p.mu[k] * normal + tangent, 0.0, True)
-            else:
-                add(tangent, 0.0)
-        elif mode[k] == OPEN:
-            add(normal, 0.0)
-            add(tangent, 0.0)
-            add(rates[2 * k], -offset[2 * k], True)
-        elif mode[k] == STICK and p.mu[k] > 0.0:
-            add(rates[2 * k], -offset[2 * k])
-            add(normal, 0.0, True)
-            add(rates[2 * k + 1], -offset[2 * k + 1])
-            add(p.mu[k] * normal - tangent, 0.0, True)
-            add(p.mu[k] * normal + tangent, 0.0, True)
-        else:
-            add(rates[2 * k], -offset[2 * k])
-            add(normal, 0.0, True)
-            sign = _FORCE_SIGN.get(mode[k], 0.0)
-            add(tangent - sign * p.mu[k] * normal, 0.0)
-            if p.mu[k] > 0.0:
-                add(-sign * rates[2 * k + 1], sign * offset[2 * k + 1], True)
-    for r in range(limited):
-        row, own, limit = rates[2 * contacts + r], own_force[2 * contacts + r], p.F[r] / force
-        right = -offset[2 * contacts + r]
-        if soft_rows[r] or (mode[contacts + r] in (ANY, STICK) and limit > 0.0):
-            if mode[contacts + r] == STICK and not soft_rows[r]:
-                add(row, right)
-            if np.isfinite(limit):
-                add(own, -limit, True)
-                add(-own, -limit, True)
-        else:
-            sign = _FORCE_SIGN.get(mode[contacts + r], 0.0)
-            add(own, sign * limit)
-            if limit > 0.0:
-                add(-sign * row, -sign * right, True)
-    return np.vstack(equal), np.concatenate(value), np.array(least).reshape(-1, size), np.array(bound)

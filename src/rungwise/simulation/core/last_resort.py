@@ -5,17 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
+from rungwise.contact.judge import Certificate
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import Deadline
 from rungwise.simulation.core.limit_surface import in_boxes
 from rungwise.simulation.core.state import Scratch, State, Trial
-from rungwise.system.skew import is_skew, squeezed
 from rungwise.system.terms import Terms
 
-IN_SPACE = 3
-"""Directions of contacts that `rw.solve` and the checker of certificates know; a step may have more, for
-torsion and rolling."""
 RAN_AWAY = (
     "speeds have grown beyond all numbers: inertial forces of joined bodies, taken where a step begins,"
     " add energy where the bodies turn far in it"
@@ -25,39 +21,30 @@ RAN_AWAY = (
 
 def ask(
     problem: ContactProblem, terms: Terms, state: State, scratch: Scratch, deadline: Deadline
-) -> tuple[bool, Certificate | None]:
-    """Whether `rw.solve` solves a step's problem, and else the checked certificate of a jam, if there is one.
-    The forces of a solution become the forces to start from. A step so short that no numbers scale its
-    problem is not solved. Raises TimeOver."""
+) -> tuple[Certificate | None, bool]:
+    """The checked certificate that a step's problem has no solution, if there is one; and whether `rw.solve`
+    solves it: then its forces become the forces to start from. Raises TimeOver."""
     # Few runs need it, and it takes long to import.
-    from rungwise.contact.problem import BeyondScale
+    from rungwise.contact.certify import certify_or_solve
     from rungwise.contact.solution import Status
-    from rungwise.contact.solve import solve
 
-    try:
-        answer = solve(problem, limit=deadline.seconds)
-    except BeyondScale:
-        return False, None
-    if answer.status == Status.SOLVED:
-        for k, force in enumerate(answer.r.reshape(-1, IN_SPACE)):
-            slot = scratch.slots[k]
-            state.modes[slot] = STICK if force[0] > 0.0 else OPEN
-            state.force[slot] = terms.lever[k] * force
-            if is_skew(terms.skew):
-                state.force[slot, 1:] = squeezed(terms.skew, k, force[1], force[2])
-        scratch.limited_force[: len(answer.z)] = answer.z
-        return True, None
-    deadline.look_in_proof()
-    if answer.status != Status.JAMMED or answer.certificate is None:
-        return False, None
-    found = Certificate("frictional", answer.certificate.vectors, answer.certificate.modes)
-    return False, found if check_in_space(problem, found) else None
+    certificate, answer = certify_or_solve(problem, deadline)
+    if answer is None or answer.status != Status.SOLVED:
+        return certificate, False
+    for k, force in enumerate(answer.r.reshape(-1, problem.R.shape[1])):
+        slot = scratch.slots[k]
+        state.modes[slot] = STICK if force[0] > 0.0 else OPEN
+        state.force[slot] = terms.lever[k] * force
+    scratch.limited_force[: len(answer.z)] = answer.z
+    return None, True
 
 
 def unsupported(trial: Trial, near: float, deadline: Deadline) -> Certificate | None:
     """A checked proof that nothing balances the loads in the step just tried, by the contacts that have to:
     those that are closer than `near`, pushed in the last step, or are closed by driven motion. Raises
     TimeOver."""
+    from rungwise.contact.certify import certify_unsupported
+
     terms, contacts, state = trial.terms, trial.contacts, trial.state
     clock, d = state.clock[0], state.force.shape[1]
     free = state.free[: int(clock["free"])]

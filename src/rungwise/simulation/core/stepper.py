@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate, certify_infeasible
+from rungwise.contact.judge import Certificate
 from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
@@ -24,7 +24,7 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.balance import keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
 from rungwise.simulation.core.fall import Fall
-from rungwise.simulation.core.last_resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
+from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
 from rungwise.simulation.core.overlap import least_allowed, open_added
@@ -375,12 +375,10 @@ class Stepper:
             self.certificate = self._unsupported(False)
         else:
             problem = without_law(problem, terms, state.free, self.rung.inertia)
-            self.certificate = certify_infeasible(problem, self.deadline)
-            if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
-                solved, self.certificate = ask(problem, terms, state, self.scratch, self.deadline)
-                if solved:
-                    self.system.accept()  # or new contacts would forget these forces
-                    return False
+            self.certificate, solved = ask(problem, terms, state, self.scratch, self.deadline)
+            if solved and not asked:
+                self.system.accept()  # or new contacts would forget these forces
+                return False
             if self.certificate is not None or not slow:
                 outcome = Code.JAMMED
             else:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.contact.judge import Balance, Certificate, certify_infeasible, certify_or_balance
+from rungwise.contact.judge import Balance, Certificate
 from rungwise.contact.step import OPEN, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import RecordArray
@@ -101,6 +101,8 @@ class Reasons:
         if code == Code.JAMMED:
             certificate, problem = self._proved_jam(problem, deadline)
         elif code == Code.UNSUPPORTED or self._asks_for_balance():
+            from rungwise.contact.certify import certify_or_balance  # it takes long to import
+
             problem, _ = self._unsupported()
             certificate, balance = certify_or_balance(problem, self.resisting(), deadline)
         if certificate is None:
@@ -117,6 +119,8 @@ class Reasons:
         Without momentum loads alone would move bodies so fast, by the inertia that stands for none, that
         demanded rates are rounding beside that: then the proof is for as much inertia as a balance may have.
         """
+        from rungwise.contact.certify import certify_infeasible  # it takes long to import
+
         free, inertia = self.workspace.state.free, problem.H - self.resisting()
         problem = without_law(problem, self.workspace.terms, free, self.model.inertia)
         certificate = certify_infeasible(problem, deadline)

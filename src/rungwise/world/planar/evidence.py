@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
+from rungwise.contact.step import FORWARD, NAMES, OPEN
 from rungwise.simulation.result import Run
 from rungwise.world import ingredients
 from rungwise.world.ingredients import TOUCHES, Motion, Parting, acting, evidence_of, of_body, overlaps
@@ -42,8 +42,9 @@ def _pressing(run: Run) -> list[str]:
         force = run.certificate.vectors[0][: len(rigid)]
         taking[rigid] = acting(force)
     elif run.certificate.modes:
-        decided = np.array(run.certificate.modes)[:, :count]
-        taking = ((decided != ANY) & (decided != OPEN)).any(axis=0)
+        from rungwise.contact.certify import presses  # it takes long to import
+
+        taking = presses(run.certificate, count)
     labels = run.trajectory.point.values[run.workspace.scratch.slots[:count]]
     return sorted({_pair(str(label)) for label in labels[taking]})
 
