@@ -188,7 +188,7 @@ def test_a_run_that_did_not_converge_says_where_its_problem_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without its certificate a jam is only not converged."""
-    monkeypatch.setattr("rungwise.simulation.reasons.reasons.certify_infeasible", lambda *_: None)
+    monkeypatch.setattr("rungwise.contact.certify.certify_infeasible", lambda *_: None)
     run = rw.simulate("two_finger", rw.QUASISTATIC_RIGID, parameters=JAM, save_hard=tmp_path)
     assert run.hard is not None and run.outcome.name == "not_converged" and run.problem is not None
     last = run.hard.files[-1]

@@ -213,7 +213,7 @@ def test_a_jam_is_told_with_its_proof_alone(monkeypatch: pytest.MonkeyPatch) -> 
     at = float(TwoLinkArm(bent).tip(np.array(bent))[0]) + 0.01
     jammed = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
     assert jammed.run(0.3) == Code.JAMMED and jammed.certificate is not None
-    monkeypatch.setattr(stepper, "certify_infeasible", lambda *_: None)
+    monkeypatch.setattr(stepper, "ask", lambda *_: (None, False))
     unproved = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
     assert unproved.run(0.3) == Code.NOT_CONVERGED
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.judge import Certificate, check_in_space
+from rungwise.contact.judge import Certificate
+from rungwise.contact.judge.certificate import check
 from rungwise.contact.step import trim
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
@@ -75,11 +76,11 @@ def test_the_checker_takes_no_proof_of_another_problem(make: Make) -> None:
     problem = trim(
         stepper.problem, int(stepper.clock["free"]), stepper.contacts, int(stepper.clock["limited"])
     )
-    assert check_in_space(problem, found)
-    assert not check_in_space(problem, Certificate(found.kind, found.vectors[:-1], found.modes[:-1]))
-    assert not check_in_space(problem, Certificate(found.kind, tuple(-p for p in found.vectors), found.modes))
+    assert check(problem, found)
+    assert not check(problem, Certificate(found.kind, found.vectors[:-1], found.modes[:-1]))
+    assert not check(problem, Certificate(found.kind, tuple(-p for p in found.vectors), found.modes))
     problem.mu[:] = 0.1
-    assert not check_in_space(problem, found)
+    assert not check(problem, found)
 
 
 @pytest.mark.few(1)
