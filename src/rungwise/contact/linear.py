@@ -168,39 +168,6 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
         x[0] *= a[0, 0]
 
 
-@kernel
-def substitute_transposed(a: Reals, size: int, order: Ints, x: Reals) -> None:
-    """Solve with the transpose of the matrix that `factorise` took for the right-hand side x (size,), in
-    place."""
-    for i in range(size):
-        x[i] *= a[i, i]
-        for j in range(i + 1, size):
-            x[j] -= a[i, j] * x[i]
-    for i in range(size - 1, -1, -1):
-        for j in range(i):
-            x[j] -= a[i, j] * x[i]
-    for k in range(size - 1, -1, -1):
-        value = x[order[k]]
-        x[order[k]] = x[k]
-        x[k] = value
-
-
-@summing_kernel
-def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
-    """Solve as `substitute` does, row by row: faster where there are more than a few tens of rows."""
-    _exchange_rows(size, order, x)
-    for i in range(size):
-        left, total = a[i, :i], x[i]
-        for j in range(len(left)):
-            total -= left[j] * x[j]
-        x[i] = total
-    for i in range(size - 1, -1, -1):
-        right, known, total = a[i, i + 1 : size], x[i + 1 : size], x[i]
-        for j in range(len(right)):
-            total -= right[j] * known[j]
-        x[i] = total * a[i, i]
-
-
 @inner_kernel
 def invert(a: Reals, size: int) -> None:
     """Invert a positive definite matrix a[:size, :size] in place (Gauss-Jordan; no pivoting is needed)."""

@@ -8,10 +8,12 @@
   completions. Rows that yield have no part in it.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
-* unbalanced: the same of the problem with H_0 in the place of H: no motion, however fast, balances the loads
-  without inertia: so a part slips out of a grip whose drive limits its force.
+* unbalanced: as frictional, of the problem with H_0 in the place of H, where rows that yield count with their
+  rates: no motion, however fast, balances the loads without inertia. So a part slips out of a grip whose
+  drive limits its force.
 
-Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In
+Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0; for
+those of modes the bound is that of `farkas`. In
 floating point a remainder `left` multiplies the unknowns, and the proof says that no solution x has |x|_1 <=
 gain / left. A certificate counts when that bound is `REACH` times larger than the motion that the loads alone
 would cause, all in the problem's natural units (a kinematic certificate: than the motion that changes gaps as
@@ -114,16 +116,6 @@ def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float
     surely = float(gain.sum()) - rounding * float(np.abs(gain).sum())
     at_most = np.abs(left.sum(axis=0)) + rounding * np.abs(left).sum(axis=0)
     return surely > REACH * least * float(at_most.max(initial=0.0))
-
-
-def _free_motion(problem: ContactProblem) -> float:
-    """One more than the size of the motion that the loads alone would cause, in natural units, where
-    something resists that motion."""
-    try:
-        motion = np.linalg.lstsq(problem.H, problem.c, rcond=None)[0]
-    except np.linalg.LinAlgError:
-        return np.inf
-    return 1.0 + float(np.abs(motion / natural_units(problem).coordinates).sum())
 
 
 def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> bool:

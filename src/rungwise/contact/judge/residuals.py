@@ -158,41 +158,6 @@ def violations(
         found[6] = max(found[6], lower[j] - x[i], x[i] - upper[j])
 
 
-@kernel
-def judge_rows(
-    A: Sparse,
-    b: Reals,
-    units: Units,
-    scaled: Laws,
-    laws: Laws,
-    free: Ints,
-    faint: Reals,
-    x: Reals,
-    y: Reals,
-    scratch: Reals,
-    found: Reals,
-) -> None:
-    """Fill y and `found` as `judged` does; free (g,) the free rows, faint (N,) the faint terms of all;
-    scratch (6, N), whose first row becomes the terms."""
-    terms, total = scratch[0], 0.0
-    for i in range(len(x)):
-        y[i], terms[i] = b[i], 0.0
-        for k in range(A.start[i], A.start[i + 1]):
-            y[i] += A.value[k] * x[A.place[k]]
-            terms[i] += abs(A.value[k] * x[A.place[k]])
-        total += y[i] * y[i]
-    if not total < math.inf:
-        for i in range(len(found)):
-            found[i] = math.inf
-        return
-    plain = len(units.kept) == len(x) and len(laws.mu) == 0
-    violations(x, y, terms, units, scaled, laws.lower, laws.upper, plain, scratch[1:4], found)
-    found[1] = imbalance(y, terms, b, faint, free)
-    own_terms(terms, b, faint, laws.d * len(laws.mu), laws.d, scratch[2])
-    own = own_violation(A, x, y, laws, scratch[2:])
-    found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
-
-
 class _Scales(NamedTuple):
     """Numbers that the judge keeps for a problem: |A|, its rows, the free rows, and the magnitudes of rows
     and unknowns."""
