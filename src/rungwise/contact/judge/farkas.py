@@ -14,7 +14,8 @@ the forces that loads may make of contacts: a heavy body on a light one presses 
 A proof must also hold for the problem as it was given (`proves`): the multipliers of the rows of eliminated
 unknowns follow from the multipliers of the others, p_g = -A_gg^-T A_kg^T p_k, and everything is summed again
 from the given numbers: no solution has terms |p| |A| |x| below `REACH` times the sum of the terms |p| |b| of
-the gain, where the terms of eliminated velocities count beside the largest of them, in units of energy. As no
+the gain, where the terms of eliminated velocities count beside the largest of them, in units of energy, and
+a kept unknown not at all where none of a scaled norm below `REACH` makes up half of the gain. As no
 remainder is known better than to `_KNOWN` of its terms, the gain is more than 1e-9 of its own.
 """
 
@@ -274,10 +275,13 @@ def _excludes(problem: Problem, system: System, mode: Mode, q: Array) -> bool:
     lower, upper = limits(s, mode)
     bound = np.where(pull[others] > 0.0, upper, lower) * s.force[s.rows :]
     inside = np.isfinite(bound)
-    left = max(left, float(share[others][~inside].max(initial=0.0)))
     gains = np.concatenate([-q * b, -pull[others][inside] * bound[inside]])
+    gain = float(gains.sum())
+    # What no unknown of a scaled norm below `REACH` makes felt, though it is all that pulls it.
+    felt = np.abs(pull[others]) * s.force[s.rows :] * REACH * s.load * s.size > 0.5 * gain
+    left = max(left, float(share[others][~inside & felt].max(initial=0.0)))
     total = float(size @ np.abs(b)) + float(terms[others][inside] @ np.abs(bound[inside]))
-    return float(gains.sum()) > REACH * max(left, _KNOWN) * total
+    return gain > 2.0 * REACH * max(left, _KNOWN) * total
 
 
 Lift = Callable[[Array], tuple[Array, ...]]
