@@ -6,11 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 
 from .conftest import Make
-from .measure import FLOOR, free, run, world
+from .measure import FLOOR, G, free, run, v, world
 from .rungs import RIGID, named
 
 
@@ -45,3 +46,16 @@ def test_stacks_rest_and_friction_does_nothing(make: Make, rung: Rung, seed: int
     pressure = (force * normal).sum(axis=1)
     friction = np.linalg.norm(force - pressure[:, None] * normal, axis=1)
     assert friction.max() <= 1e-11 * np.abs(pressure).max()
+
+
+@pytest.mark.parametrize("light", [1e-2, 1.0, 1e2])
+def test_a_compliant_floor_yields_at_once_below_bodies_of_unequal_masses(make: Make, light: float) -> None:
+    """A light box on a heavy one: v = -load / (h K + C), from the first step on."""
+    heavy, stiffness, damping, h = 4e3, 1e9, 1e6, 1e-3
+    lower = free("lower", "0 0 .05", f'type="box" size=".1 .1 .05" mass="{heavy}" condim="6"')
+    upper = free("upper", "0 0 .12", f'type="box" size=".05 .05 .02" mass="{light}" condim="6"')
+    law = {"friction": 0.2, "stiffness": stiffness, "damping": damping}
+    scene = make(world(FLOOR, lower, upper), contacts=[law], duration=h, step=h)
+    found = run(scene, rw.QUASISTATIC_COMPLIANT, stride=1)
+    expected = -(heavy + light) * G / 4.0 / (h * stiffness + damping)
+    assert v(found)[2] == pytest.approx(expected, rel=1e-5)
