@@ -166,3 +166,17 @@ def test_contact_with_friction_converges_with_the_step(make: Make, rung: Rung) -
     ends = [q(run(scene, rung, step=h))[0] for h in (2e-3, 1e-3, 5e-4)]
     first, second = ends[0] - ends[1], ends[1] - ends[2]
     assert abs(first) < 2e-3 and abs(second) < 0.6 * abs(first)
+
+
+@pytest.mark.parametrize("law", [{}, {"friction": 0.3}, {"restitution": 0.0}], ids=str)
+def test_default_stiffness_and_damping_do_not_depend_on_the_unit_of_mass(
+    make: Make, law: dict[str, float]
+) -> None:
+    def dropped(unit: float) -> Array:
+        box = free("b", "0 0 .06", f'type="box" size=".1 .1 .05" mass="{unit}"')
+        ball = free("ball", ".5 0 .06", f'size=".05" mass="{3.0 * unit}"')
+        begun = {"velocities": {"b.x": 0.3, "ball.z": -0.5}}
+        scene = make(world(FLOOR, box, ball), contacts=[law] if law else [], start=begun)
+        return q(run(scene, rw.DYNAMIC_COMPLIANT, duration=0.1, step=1e-3))
+
+    np.testing.assert_allclose(dropped(1e-3), dropped(1.0), atol=1e-12)

@@ -8,8 +8,8 @@ contact rows but no less than the problem's quantum, forces against L. Signorini
 radius mu lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed
 by U along the direction that yields most, so that forces of rounding size count as none (a normal that
 meets the axis of a hinge yields by rounding alone); and where U is only rounding beside the change of
-speed that L causes, and no rate is demanded, it is `REST` of that change, so that things may rest. Joints
-hold exactly: their rates are measured against U as it was.
+speed that L causes, and no rate is demanded, by an offset or by what yields, it is `REST` of that change,
+so that things may rest. Joints hold exactly: their rates are measured against U as it was.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def residual(
             y[r] = total + yielded
             forces = max(forces, abs(own) * g.force[r])
             rates = max(rates, asked * max(greatest, abs(yielded)) * g.rate[r])
-            demanded = max(demanded, asked * abs(g.w[r]) * g.rate[r])
+            demanded = max(demanded, asked * max(abs(g.w[r]), abs(yielded)) * g.rate[r])
     at_rest = rates
     if g.noise[0] == 0.0 or demanded <= DEMANDED * g.noise[0]:
         most = GROWN * called(g)

@@ -29,6 +29,9 @@ ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""
 NOTHING = 1e-12
 """Part of the greatest rate, and of what the greatest force does in a row of balance, that is no motion."""
+SLOW, CORRECTIONS = 1e-6, 8
+"""Residual of rest under the forces of an answer up to which rest is tried in its place; and corrections of
+these forces."""
 WIDE = 60
 """Velocities from which on the matrix is kept by its blocks."""
 SMOOTH, FINEST = 1.0, 1e-9

@@ -16,11 +16,12 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import interval, restricts_rates
+from rungwise.contact.solver.kinds import cone, interval, restricts_rates
 from rungwise.contact.solver.newton import Room, descend, evaluate
 from rungwise.contact.solver.residual import called, residual
 from rungwise.contact.solver.settings import (
     CHANGE,
+    CORRECTIONS,
     ENDLESS,
     ENOUGH,
     FASTER,
@@ -37,6 +38,7 @@ from rungwise.contact.solver.settings import (
     PROBLEMS,
     ROUNDING,
     SHORT,
+    SLOW,
     SLOWER,
     SMOOTH,
     STEPS,
@@ -78,11 +80,11 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
         _approach(g, by, start == 0, x, v, room, halt, count)
     copy(room.best_x, x)
     copy(room.best_v, v)
-    if room.least[0] <= TOLERANCE and _hardly_moves(g, x, v, room):
-        _clear(v)
-        found = measure(g, x, v, room)
+    if room.least[0] <= TOLERANCE:
+        found = _rest(g, x, v, room, halt, count)
         if found <= NOTHING:
             return float(found)
+        copy(room.best_x, x)
         copy(room.best_v, v)
     if room.least[0] <= TOLERANCE and _calm(g, x, v, room):
         found = measure(g, x, v, room)
@@ -93,15 +95,74 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
 
 
 @kernel
-def _hardly_moves(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
-    """Whether something moves, and nothing of it is felt in any balance of forces."""
-    measure(g, x, v, room)
-    moves = False
-    for i in range(len(v)):
-        moves |= v[i] != 0.0
-        if _resisted(g, i, v) > NOTHING * room.lever[i] * room.scale[0]:
-            return False
-    return moves
+def _rest(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
+    """Let all things rest, if the best answer is near to rest, under the forces nearest to its own that
+    balance; where the start had no forces, without friction, or with little. Returns the residual."""
+    _clear(v)
+    found = measure(g, x, v, room)
+    if found > SLOW:
+        return float(found)
+    if _greatest(room.first_x) == 0.0:
+        friction = room.first_x
+        _press_alone(g, x)
+        _take_friction(g, friction)
+        _balance(g, x, v, room, halt, count)
+        _give_friction(g, friction)
+        found = measure(g, x, v, room)
+        if found <= NOTHING:
+            return float(found)
+        copy(room.best_x, x)
+        _press_alone(g, x)
+        _balance(g, x, v, room, halt, count)
+        found = measure(g, x, v, room)
+        if found <= NOTHING:
+            return float(found)
+        copy(room.best_x, x)
+        found = measure(g, x, v, room)
+    if found > NOTHING:
+        _balance(g, x, v, room, halt, count)
+        found = measure(g, x, v, room)
+    return float(found)
+
+
+@kernel
+def _balance(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> None:
+    """Let the nearest forces balance with all things at rest, where groups keep their pieces."""
+    for k in range(len(g.kind)):
+        room.pace[k] = 1.0
+    _clear(room.hold)
+    _clear(room.centre_v)
+    for _ in range(CORRECTIONS):
+        copy(x, room.centre_x)
+        descend(g, GUESS, 0.0, 1, 1, 0.0, x, v, room.centre_x, room.centre_v, room, halt, count)
+        _clear(v)
+        if measure(g, x, v, room) <= NOTHING:
+            break
+
+
+@kernel
+def _press_alone(g: Groups, x: Reals) -> None:
+    """Let contacts have no force but the normal one."""
+    for k in range(len(g.kind)):
+        if g.kind[k] == cone.KIND:
+            for r in range(g.row[k] + 1, g.row[k + 1]):
+                x[r] = 0.0
+
+
+@kernel
+def _take_friction(g: Groups, kept: Reals) -> None:
+    """Keep the friction of contacts in `kept` (rows,), and let there be none."""
+    for k in range(len(g.kind)):
+        if g.kind[k] == cone.KIND:
+            kept[g.row[k]], g.law[k, 0] = g.law[k, 0], 0.0
+
+
+@kernel
+def _give_friction(g: Groups, kept: Reals) -> None:
+    """Undo `_take_friction`."""
+    for k in range(len(g.kind)):
+        if g.kind[k] == cone.KIND:
+            g.law[k, 0], kept[g.row[k]] = kept[g.row[k]], 0.0
 
 
 @inner_kernel

@@ -49,7 +49,7 @@ def contact_laws(
     rows: list[tuple[float, ...]] = [(stiffness, stiffness, damping, damping, 0.0, *(math.nan,) * 3)]
     law = np.zeros((model.ngeom, model.ngeom), np.int64)
     for k, (entry, sides) in enumerate(zip(entries, sides_of(model, names, entries), strict=True)):
-        rows.append(_row(entry, f"contacts.{k}", stiffness, number))
+        rows.append(_row(entry, f"contacts.{k}", stiffness, damping, number))
         for a, b in (sides, sides[::-1]):
             both = np.ix_(a, b)
             law[both] = np.where(law[both] == 0, k + 1, law[both])
@@ -223,14 +223,20 @@ def smallest(model: mujoco.MjModel) -> float:
 
 
 def _row(
-    entry: Contact, path: str, stiffness: float, number: Callable[[float | str, str], float]
+    entry: Contact,
+    path: str,
+    stiffness: float,
+    damping: float,
+    number: Callable[[float | str, str], float],
 ) -> tuple[float, ...]:
+    """Numbers of an entry; stiffness and damping are those of a contact that names neither."""
+
     def value(name: str, otherwise: float) -> float:
         given = getattr(entry, name)
         return otherwise if given is None else number(given, f"{path}.{name}")
 
     normal = value("stiffness", stiffness)
-    damping = value("damping", 0.0 if entry.stiffness is not None else 2.0 * RATIO * math.sqrt(normal))
+    damping = value("damping", damping if entry.stiffness is None else 0.0)
     across, drag = value("tangential_stiffness", normal), value("tangential_damping", damping)
     restitution = value("restitution", 0.0)
     for name, x, least in (

@@ -24,12 +24,12 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
         largest = max(largest, abs(force[r]))
     for k in range(contacts):
         for i in range(d):
-            velocity = max(velocity, abs(_yielding(p, k, i, force)))
+            demanded = max(demanded, abs(_yielding(p, k, i, force)))
     for r in range(limited):
-        velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
-        demanded = max(demanded, abs(p.w_s[r]))
+        velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v))
+        demanded = max(demanded, abs(p.w_s[r]), abs(p.R_s[r] * tau[r]))
         largest = max(largest, abs(tau[r]))
-    at_rest = velocity
+    velocity = at_rest = max(velocity, demanded)
     rounded = p.quantum[0] == 0.0 or demanded <= DEMANDED * p.quantum[0]
     for k in range(contacts if rounded else 0):
         velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
