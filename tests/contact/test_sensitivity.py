@@ -105,7 +105,7 @@ def slopes(p: ContactProblem, force: np.ndarray, rate: np.ndarray) -> np.ndarray
         kind = cone.KIND if i < k else interval.KIND if np.isfinite(limit) else free.KIND
         law = np.array([limit, 0.0] if i < k else [-limit, limit])
         S, size = np.zeros((d, d)), own.stop - own.start
-        natural_map(kind, law, size, force[own].copy(), rate[own].copy(), np.zeros(d), S)
+        natural_map(kind, law, np.zeros(0), size, force[own].copy(), rate[own].copy(), np.zeros(d), S)
         found[own, own] = S[:size, :size]
     return found
 
