@@ -231,7 +231,8 @@ def _approach(
     for problem in range(PROBLEMS):
         stalls = problem > 0 and (room.least[0] <= GOAL or not falls)
         if stalls and not tried and room.least[0] <= TOLERANCE:
-            bare, tried, weight = True, True, min(weight / CHANGE, WEIGHT)
+            # The last weight may have been too little for redundant forces; the one before was not.
+            bare, tried, weight = True, True, min(weight / CHANGE**2, WEIGHT)
             copy(room.best_x, x)
             copy(room.best_v, v)
         elif stalls if room.least[0] <= ENOUGH else count[0] - since > ENDLESS:
