@@ -7,7 +7,9 @@ import pytest
 
 from rungwise.contact.certify import certify_infeasible
 from rungwise.contact.judge.certificate import check
-from rungwise.contact.step import TOLERANCE
+from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.solver.step import solve_groups
+from rungwise.contact.step import NO_SURFACES, SOLVED, TOLERANCE, Sizes, Unknowns
 from rungwise.contact.step.modes import natural_units, yielding
 from tests.simulation.linear_system import linear_system
 
@@ -222,3 +224,35 @@ def test_opposite_contacts_squeeze_or_leave_room(body, run, scale):
             assert check(p, certify_infeasible(p))
         else:
             assert solution.v[0] == pytest.approx(answer * scale)
+
+
+@pytest.mark.parametrize("load", [1e-250, 3.8e-309, 5e-324])
+def test_loads_so_small_that_they_lose_their_digits_are_none(body, run, load):
+    """What is not a number is no small number, and has no solution."""
+    p = body(3, 0, 1)
+    p.H[:] = [[2.5e-2, 0.0, 1.4e-13], [0.0, 1.5e-14, 0.0], [1.4e-13, 0.0, 0.2]]
+    p.S[0], p.R_s[:], p.F[:] = [0.0, 0.6, 0.0], 0.8, 0.2
+    p.c[0] = load
+    status, found = run("groups", p)
+    assert status == SOLVED
+    np.testing.assert_allclose(found.v, np.linalg.solve(p.H, p.c), rtol=1e-9, atol=1e-260)
+    p.c[0] = np.nan
+    assert run("groups", p)[0] != SOLVED
+
+
+@pytest.mark.parametrize("pace", [0.01, 1.0, 100.0])
+def test_light_bodies_keep_nothing_of_where_the_solver_began(body, pace):
+    """A ball of next to no inertia that rests on a floor which yields, last seen at some speed: friction of
+    1e-12 of its weight would move it."""
+    p = body(6, 1, directions=3)
+    p.H[:], p.c[2] = np.diag([1e-5, 1e-5, 1e-5, 5e-8, 5e-8, 5e-8]), -9.81
+    p.W[:, [2, 1, 0]] = np.diag([1.0, 1.0, -1.0])
+    p.W[1, 3], p.W[2, 4] = 0.1, 0.1
+    p.R[0], p.w[0], p.mu[:], p.quantum[:] = 5e-4 * np.eye(3), -9.81e-3, 0.2, 1e-10
+    v, nowhere = pace * np.eye(6)[0], np.empty((0, 4), np.int64)
+    found = Unknowns(np.zeros(1, np.int64), v, np.zeros(3), np.zeros(0))
+    status, _, _ = solve_groups(
+        p, Sizes(6, 1, 0), found, CONE, NO_SURFACES, nowhere, nowhere, np.zeros(1, np.int64)
+    )
+    assert status == SOLVED and found.force[0] == pytest.approx(9.81)
+    np.testing.assert_allclose(found.v[[0, 1, 3, 4, 5]], 0.0, atol=1e-8)

@@ -33,6 +33,8 @@ MARGIN = 0.1
 LIMIT, SLIGHT, SQUARE = 1e11, 1e9, 1e4
 """Multiplications that one call may make at most; and those that it may for any problem and for each pair of
 its unknowns."""
+_runaway = np.errstate(over="ignore", invalid="ignore")
+"""Iterates that ran away are judged, not warned about."""
 _ROUNDS = 5
 """Rounds that find the modes of an exact answer."""
 _FAINT = 2.0**-40, 2.0**-32, 2.0**-24
@@ -209,6 +211,7 @@ class _Solve:
             answer = self._evened(answer)
         return answer
 
+    @_runaway
     def _evened(self, answer: _Answer) -> _Answer:
         """The answer, or a better one, found in units in which entries are as near to one as they can be:
         by the solver, or else by the search."""
@@ -240,6 +243,7 @@ class _Solve:
     def _better(self, answer: _Answer, other: _Answer) -> _Answer:
         return other if other.residual < answer.residual else answer
 
+    @_runaway
     def _run(self, system: System, start: Array) -> _Answer:
         """The answer of the solver in a system, from `start` (N,)."""
         x = start[system.kept] / system.force
@@ -252,6 +256,7 @@ class _Solve:
         solve_grouped(A, A, system.b, system.laws, 0, 0.0, x, self.work, self.deadline.halt, count)
         self.attempts.append(Attempt("solver", int(count[0]), natural(system, x)))
 
+    @_runaway
     def _by_search(self, system: System, answer: _Answer) -> _Answer:
         """The answer that the search over modes finds, or the answer with a proof that there is none."""
         found = self._search(system, answer.x[system.kept] / system.force)

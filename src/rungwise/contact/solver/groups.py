@@ -28,6 +28,9 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 LAW = 4
 """Numbers of a law, at most."""
+FEEBLE = 2.0**-900
+"""Greatest load or demanded rate, in units of the groups, below which there is none: of numbers so small
+products lose their digits, and then no equation holds."""
 _ROOT = math.sqrt(0.5)
 
 
@@ -323,16 +326,19 @@ def count_in_units(g: Groups) -> None:
         for i in range(g.row[k], g.row[k + 1]):
             greatest = max(greatest, abs(g.w[i]) * asked)
             g.force[i] *= force
-    size = power_of_two(greatest)
+    feeble = greatest < FEEBLE
+    size = 1.0 if feeble else power_of_two(greatest)
+    part = 0.0 if feeble else 1.0 / size
     for i in range(n):
         for e in range(g.H_first[i], g.H_first[i + 1]):
             g.H[e] *= g.unit[i] * g.unit[g.H_column[e]]
-        g.c[i] *= g.unit[i] / size
+        g.c[i] *= g.unit[i] * part
         g.diagonal[i] *= g.unit[i] * g.unit[i]
     for k in range(len(g.kind)):
         first, at, force = g.row[k], g.entry[k], g.force[g.row[k]]
+        own = part if restricts_rates(g.kind[k], g.law[k]) else 1.0 / size
         for i in range(first, g.row[k + 1]):
-            g.w[i] *= force / size
+            g.w[i] *= force * own
             for e in range(g.first[k], g.first[k + 1]):
                 here, there = g.W[at], g.C[at]  # which may be the same place
                 g.W[at] = here * (force * g.unit[g.column[e]])

@@ -2,10 +2,12 @@
 
 Algorithm: of a start, Newton's method first takes the active set that its forces tell; then come proximal
 problems, each about the answer of the one before, until the residual, which is the judge's, is within the
-goal. Rest by the forces given is judged before. The map looks ahead with force over rate of the
-iterate, as the judge measures both, so that neither is lost beside the other; where a start leads nowhere,
-with those of the problem, loads over demanded rates. Then it starts from the end of a path: projections are
-smoothed, less and less, about the last point of the path.
+goal. Rest by the forces given is judged before. Near an answer, where the residual falls no more, forces
+alone are held: beside large forces and rates it does not tell what the term keeps of the velocities of light
+bodies, or of small rates. The map looks ahead with force over rate of the iterate, as the judge measures
+both, so that neither is lost beside the other; where a start leads nowhere, with those of the problem, loads
+over demanded rates. Then it starts from the end of a path: projections are smoothed, less and less, about
+the last point of the path.
 Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
 Optim. 14 (1976) 877-898; Chen and Harker, SIAM J. Matrix Anal. Appl. 14 (1993) 1168-1190 (the path).
 Accepts: H positive definite. Promises: the least residual met, computed from the problem.
@@ -281,19 +283,31 @@ def _demanded(g: Groups, lever: Reals) -> float:
 def _approach(
     g: Groups, by: int, warm: bool, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints
 ) -> None:
-    """The proximal point method from (x, v)."""
+    """The proximal point method from (x, v); `bare`: forces alone are held."""
     xc, vc = room.centre_x, room.centre_v
     least, weight, held, falls, since = _note(g, x, v, room), WEIGHT, 0, True, count[0]
+    bare, tried = False, False
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
-        ends = not falls if room.least[0] <= ENOUGH else count[0] - since > ENDLESS
-        if (problem > 0 and (room.least[0] <= GOAL or ends)) or _ends(halt, count):
+        stalls = problem > 0 and (room.least[0] <= GOAL or not falls)
+        if stalls and not tried and room.least[0] <= TOLERANCE:
+            # The last weight may have been too little for redundant forces; the one before was not.
+            bare, tried, weight = True, True, min(weight / CHANGE**2, WEIGHT)
+            copy(room.best_x, x)
+            copy(room.best_v, v)
+        elif stalls if room.least[0] <= ENOUGH else count[0] - since > ENDLESS:
+            break
+        elif stalls and bare:
+            bare = False
+            set_pace(g, by, room)
+        if _ends(halt, count):
             break
         count[1] += 1
         guess = problem == 0 and warm
         if guess:  # forces alone are those of a step before
-            weight = GUESS
+            bare, weight = True, GUESS
+        if bare:
             _clear(room.hold)
         copy(x, xc)
         copy(v, vc)
@@ -308,6 +322,8 @@ def _approach(
             reached = descend(g, weight, 0.0, LENGTHS, STEPS, goal, x, v, xc, vc, room, halt, count)
         falls = False
         found = _note(g, x, v, room)
+        if guess:
+            bare, tried = False, room.least[0] <= ENOUGH
         if found > ENOUGH and not reached <= enough:
             copy(xc, x)
             copy(vc, v)
@@ -320,7 +336,7 @@ def _approach(
             continue
         if found < 0.5 * least:
             least, falls, since = found, True, count[0]
-        if room.least[0] <= GOAL:
+        if room.least[0] <= GOAL and tried:
             break
         if guess and room.least[0] > ENOUGH:
             weight = CHANGE * WEIGHT
