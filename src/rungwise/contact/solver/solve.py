@@ -134,12 +134,15 @@ def _balance(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints)
         room.pace[k] = 1.0
     _clear(room.hold)
     _clear(room.centre_v)
+    least = math.inf
     for _ in range(CORRECTIONS):
         copy(x, room.centre_x)
         descend(g, GUESS, 0.0, 1, 1, 0.0, x, v, room.centre_x, room.centre_v, room, halt, count)
         _clear(v)
-        if measure(g, x, v, room) <= NOTHING:
+        found = measure(g, x, v, room)
+        if found <= NOTHING or not found < 0.5 * least:
             break
+        least = found
 
 
 @kernel
