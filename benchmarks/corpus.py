@@ -13,7 +13,8 @@ interrupted recording goes on. `sample` puts a few of each family into one file,
 and prints, of the families of each kind: how many problems were recorded as solved, how many of these the
 solver answers with a residual within the step's tolerance, which the judge computes from the problem as
 it was given; of how many the velocities are the recorded ones; how many problems it calls solved that
-were recorded as unsolved; and the processor time of a problem in microseconds, the median. Velocities
+were recorded as unsolved; the processor time of a problem in microseconds, and its Newton steps (of `groups`
+alone), both the median. Velocities
 differ, rightly, where a problem has several answers. Where supports have their true pressure, notes do not
 know it, and answers differ.
 """
@@ -241,10 +242,12 @@ def noted(made: list[Reals]) -> Iterator[None]:
 
 
 class Answer(NamedTuple):
-    """Whether a solver calls a problem solved, and what it found."""
+    """Whether a solver calls a problem solved, and what it found; and its Newton steps, 0 where it does not
+    tell them."""
 
     solved: bool
     unknowns: Unknowns
+    steps: int = 0
 
 
 Solver = Callable[[Note, Unknowns], Answer]
@@ -265,10 +268,10 @@ def step(note: Note, start: Unknowns) -> Answer:
 def groups(note: Note, start: Unknowns) -> Answer:
     """The contact solver alone, without guess and search of modes."""
     halt = np.zeros(1, np.int64)
-    status, _, _ = solve_groups(
+    status, _, _, steps = solve_groups(
         note.problem, sizes_of(note), start, CONE, surfaces_of(note), NOWHERE, NOWHERE, halt
     )
-    return Answer(status == SOLVED, start)
+    return Answer(status == SOLVED, start, steps)
 
 
 def by_solve(note: Note, start: Unknowns) -> Answer:
@@ -321,6 +324,7 @@ class Row(NamedTuple):
     solved: bool
     alike: bool
     took: float
+    steps: int
 
 
 def replay(folder: Path, solver: Solver, cold: bool, families: bool) -> None:
@@ -332,7 +336,7 @@ def replay(folder: Path, solver: Solver, cold: bool, families: bool) -> None:
             rows.setdefault(name, []).append(tried(note, solver, cold))
     if not rows:
         sys.exit(f"{folder} has no problems; record some: python benchmarks/corpus.py record {folder}")
-    print(f"{'':45} {'solved':>14} {'alike':>7} {'others':>7} {'us':>8}")
+    print(f"{'':45} {'solved':>14} {'alike':>7} {'others':>7} {'us':>8} {'steps':>5}")
     for name, own in [*sorted(rows.items()), ("all", [row for each in rows.values() for row in each])]:
         known = [row for row in own if row.known]
         others = sum(row.solved for row in own if not row.known)
@@ -340,6 +344,7 @@ def replay(folder: Path, solver: Solver, cold: bool, families: bool) -> None:
             f"{name:45} {sum(row.solved for row in known):6} of {len(known):4}"
             f" {sum(row.solved and row.alike for row in known):7} {others:3} of {len(own) - len(known):2}"
             f" {1e6 * float(np.median([row.took for row in own])):8.0f}"
+            f" {float(np.median([row.steps for row in own])):5.0f}"
         )
 
 
@@ -348,7 +353,8 @@ def tried(note: Note, solver: Solver, cold: bool) -> Row:
     answer = solver(note, start)
     took = time.process_time() - began
     solved = answer.solved and judged(note, answer.unknowns) <= TOLERANCE
-    return Row(note.status == SOLVED, solved, solved and alike(note, answer.unknowns), took)
+    same = solved and alike(note, answer.unknowns)
+    return Row(note.status == SOLVED, solved, same, took, answer.steps)
 
 
 def kind_of(note: Note) -> str:

@@ -192,7 +192,7 @@ class Space:
         tau = self.tau.copy() if len(self.tau) == len(p.F) else np.zeros(len(p.F))
         start = flat.copy(), tau.copy()
         began = time.perf_counter() - linking_time()
-        status, found, stage = solve_groups(
+        status, found, stage, _ = solve_groups(
             p,
             Sizes(m.nv, k, len(p.F)),
             Unknowns(modes, v, flat, tau),

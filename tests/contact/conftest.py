@@ -124,7 +124,7 @@ def _run(
     if solver == "planar":
         status, _, _ = solve_problem(p, sizes, out, NO_SURFACES, nowhere, nowhere, room, halt)
     elif solver == "groups":
-        status, _, _ = solve_groups(p, sizes, out, CONE, NO_SURFACES, nowhere, nowhere, halt)
+        status, _, _, _ = solve_groups(p, sizes, out, CONE, NO_SURFACES, nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:

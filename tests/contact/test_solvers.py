@@ -251,7 +251,7 @@ def test_light_bodies_keep_nothing_of_where_the_solver_began(body, pace):
     p.R[0], p.w[0], p.mu[:], p.quantum[:] = 5e-4 * np.eye(3), -9.81e-3, 0.2, 1e-10
     v, nowhere = pace * np.eye(6)[0], np.empty((0, 4), np.int64)
     found = Unknowns(np.zeros(1, np.int64), v, np.zeros(3), np.zeros(0))
-    status, _, _ = solve_groups(
+    status, _, _, _ = solve_groups(
         p, Sizes(6, 1, 0), found, CONE, NO_SURFACES, nowhere, nowhere, np.zeros(1, np.int64)
     )
     assert status == SOLVED and found.force[0] == pytest.approx(9.81)

@@ -53,7 +53,9 @@ def solve(
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.zeros(n) if v is None else v.copy()
     sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
-    status, found, stage = solve_groups(p, sizes, unknowns, CONE, NO_SURFACES, *where, np.zeros(1, np.int64))
+    status, found, stage, _ = solve_groups(
+        p, sizes, unknowns, CONE, NO_SURFACES, *where, np.zeros(1, np.int64)
+    )
     if status == SOLVED:
         assert (
             found == pytest.approx(measured(p, sizes, unknowns), rel=1e-6, abs=1e-14) and found <= TOLERANCE

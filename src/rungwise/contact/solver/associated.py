@@ -52,7 +52,7 @@ def start_associated(
     for _ in range(ROUNDS):
         for k in range(contacts):
             p.w[d * k] = offset[d * k] + p.mu[k] * slip[k]
-        status, _, _ = solve_groups(p, sizes, unknowns, ASSOCIATED, surfaces, columns, couplings, halt)
+        status, _, _, _ = solve_groups(p, sizes, unknowns, ASSOCIATED, surfaces, columns, couplings, halt)
         ended = status == SOLVED
         if not ended:
             break

@@ -35,7 +35,7 @@ def solve_groups(
     columns: Ints,
     couplings: Ints,
     halt: Ints,
-) -> tuple[int, float, int]:
+) -> tuple[int, float, int, int]:
     """See the module."""
     raise NotImplementedError
 
@@ -67,7 +67,7 @@ def solve_problem(
                 return SOLVED, found, GUESS
             if not near:
                 spread(sizes, forces, v, unknowns)
-    status, found, stage = solve_groups(problem, sizes, unknowns, CONE, surfaces, columns, couplings, halt)
+    status, found, stage, _ = solve_groups(problem, sizes, unknowns, CONE, surfaces, columns, couplings, halt)
     if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
         return status, found, stage
     touching = mode_count(problem, sizes, False) > MAX_MODES

@@ -37,13 +37,13 @@ def solve_groups(
     columns: Ints,
     couplings: Ints,
     halt: Ints,
-) -> tuple[int, float, int]:
+) -> tuple[int, float, int, int]:
     """Solve from the forces and velocities given, into these and the modes; returns (status, residual,
-    what answered), where the contacts are of the kind `law`. It ends without an answer when halt (1,) is
-    set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
+    what answered, Newton steps), where the contacts are of the kind `law`. It ends without an answer when
+    halt (1,) is set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
         if not p.H[i, i] > 0.0:
-            return NO_SOLUTION, math.inf, GUESS
+            return NO_SOLUTION, math.inf, GUESS, 0
     whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
@@ -98,7 +98,8 @@ def solve_groups(
         clear(d, sizes, unknowns)
     if not solved or apart > 1:
         worst = residual_of_groups(p, sizes, unknowns, law, surfaces, columns, couplings)
-    return SOLVED if solved else NO_SOLUTION, worst, PROXIMAL if count[1] > apart else GUESS
+    stage = PROXIMAL if count[1] > apart else GUESS
+    return SOLVED if solved else NO_SOLUTION, worst, stage, count[0]
 
 
 @allocating_kernel
