@@ -26,8 +26,9 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
         for i in range(d):
             demanded = max(demanded, abs(_yielding(p, k, i, force)))
     for r in range(limited):
-        velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v))
-        demanded = max(demanded, abs(p.w_s[r]), abs(p.R_s[r] * tau[r]))
+        if p.F[r] > 0.0:  # else no law restricts the rate
+            velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v))
+            demanded = max(demanded, abs(p.w_s[r]), abs(p.R_s[r] * tau[r]))
         largest = max(largest, abs(tau[r]))
     velocity = at_rest = max(velocity, demanded)
     rounded = p.quantum[0] == 0.0 or demanded <= DEMANDED * p.quantum[0]
