@@ -14,6 +14,7 @@ from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.modes.enumerate_modes import solve_by_enumeration
 from rungwise.contact.solver.modes.mode_newton import solve_by_modes
 from rungwise.contact.solver.problem import solve_problem
+from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import NO_SURFACES, TOLERANCE, matrix_size
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
@@ -124,7 +125,7 @@ def _run(
     if solver == "planar":
         status, _, _ = solve_problem(p, sizes, out, NO_SURFACES, nowhere, nowhere, room, halt)
     elif solver == "groups":
-        status, _, _, _ = solve_groups(p, sizes, out, CONE, NO_SURFACES, nowhere, nowhere, halt)
+        status, _, _, _ = solve_groups(p, sizes, out, CONE, BY_PATHS, NO_SURFACES, nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import NO_SURFACES, ContactProblem, Sizes, Unknowns, allocate_problem
@@ -54,7 +55,7 @@ def solve(
     mode, v = np.full(contacts + limited, -7, np.int64), np.zeros(n) if v is None else v.copy()
     sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
     status, found, stage, _ = solve_groups(
-        p, sizes, unknowns, CONE, NO_SURFACES, *where, np.zeros(1, np.int64)
+        p, sizes, unknowns, CONE, BY_PATHS, NO_SURFACES, *where, np.zeros(1, np.int64)
     )
     if status == SOLVED:
         assert (

@@ -27,7 +27,7 @@ from rungwise.contact.solver.groups import (
 from rungwise.contact.solver.islands import count_island, fill_island, label_islands
 from rungwise.contact.solver.kinds import cone, free, interval
 from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import WIDE
+from rungwise.contact.solver.settings import BY_PATHS, WIDE
 from rungwise.contact.solver.solve import solve
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -60,7 +60,7 @@ def solve_grouped(
 
     With `velocities` the problem is a balance; with 0, A and b come in units in which forces and rates are
     alike. `noise` is a rate that is rounding. It ends early when halt (1,) is set, or when the
-    multiplications of `work` (1,) are made, which are taken off; count (4,): see `solve`."""
+    multiplications of `work` (1,) are made, which are taken off; count (5,): see `solve`."""
     whole = _count(A, back, laws, velocities, np.empty(len(b), np.int64))
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     members, n = whole.n + whole.groups, whole.n
@@ -287,7 +287,7 @@ def _solve_island(
     for i in range(part.n):
         here.v[i] = x[first + own[i]] / g.unit[i]
     cost, before = multiplications(blocks, part.n), count[0]
-    count[3] = before + int(max(work[0], 0.0) / cost)
+    count[3], count[4] = before + int(max(work[0], 0.0) / cost), BY_PATHS
     found = solve(g, here.x, here.v, here, halt, count)
     work[0] -= cost * (count[0] - before)
     for r in range(part.rows):

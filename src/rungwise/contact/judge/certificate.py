@@ -12,14 +12,13 @@
   rates: no motion, however fast, balances the loads without inertia. So a part slips out of a grip whose
   drive limits its force.
 
-Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0; for
-those of modes the bound is that of `farkas`. In
+Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In
 floating point a remainder `left` multiplies the unknowns, and the proof says that no solution x has |x|_1 <=
 gain / left. A certificate counts when that bound is `REACH` times larger than the motion that the loads alone
 would cause, all in the problem's natural units (a kinematic certificate: than the motion that changes gaps as
 fast as they must change); rounding in the check itself is charged against it. Near a singular position, where
 a pushed body would have to be far faster than the body that pushes it, `left` is not rounding, and only the
-bound holds.
+bound holds. The bound of certificates of modes is that of `farkas`.
 """
 
 from __future__ import annotations

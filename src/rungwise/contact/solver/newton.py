@@ -318,8 +318,7 @@ def descend(
 ) -> float:
     """Take at most so many Newton steps, each of the first of so many lengths, halved one by one, that lets
     the map fall (whole steps, if one), until its size is within `goal`, or falls no more, or halt (1,)
-    is set. Returns the
-    size; count[0] counts the steps."""
+    is set. Returns the size; count[0] counts the steps."""
     size = evaluate(g, weight, smooth, x, v, xc, vc, room)
     least, since = size, 0
     for step in range(most):

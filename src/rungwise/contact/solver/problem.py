@@ -13,6 +13,7 @@ from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
 from rungwise.contact.solver.modes.exertion import WEDGED, exertion
 from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
+from rungwise.contact.solver.settings import BY_PATHS, FROM_GIVEN
 from rungwise.contact.step.modes import OPEN, STICK, clear
 from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
@@ -31,6 +32,7 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
+    starts: int,
     surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
@@ -67,10 +69,14 @@ def solve_problem(
                 return SOLVED, found, GUESS
             if not near:
                 spread(sizes, forces, v, unknowns)
-    status, found, stage, _ = solve_groups(problem, sizes, unknowns, CONE, surfaces, columns, couplings, halt)
+    # Where all modes are tried afterwards, paths would only delay the verdict that there is no solution.
+    touching = not by_modes or mode_count(problem, sizes, False) > MAX_MODES
+    starts = BY_PATHS if touching else FROM_GIVEN
+    status, found, stage, _ = solve_groups(
+        problem, sizes, unknowns, CONE, starts, surfaces, columns, couplings, halt
+    )
     if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
         return status, found, stage
-    touching = mode_count(problem, sizes, False) > MAX_MODES
     if mode_count(problem, sizes, touching) <= MAX_MODES:
         found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:

@@ -57,8 +57,8 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 @kernel
 def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
     """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
-    when halt (1,) is set. count (4,): Newton steps, proximal problems, starts before the last; and
-    Newton steps at most."""
+    when halt (1,) is set. count (5,): Newton steps, proximal problems, starts before the last; and Newton
+    steps and starts at most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
     room.least[0] = math.inf
@@ -66,7 +66,7 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
     found = measure(g, x, v, room)
     if found <= NOTHING:
         return float(found)
-    for start in range(4):
+    for start in range(count[4]):
         if room.least[0] <= TOLERANCE or _ends(halt, count):
             break
         count[2] = start

@@ -33,14 +33,16 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
+    starts: int,
     surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
 ) -> tuple[int, float, int, int]:
     """Solve from the forces and velocities given, into these and the modes; returns (status, residual,
-    what answered, Newton steps), where the contacts are of the kind `law`. It ends without an answer when
-    halt (1,) is set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
+    what answered, Newton steps), where the contacts are of the kind `law`, after so many
+    `starts` at most. It ends without an answer when halt (1,) is set. `surfaces`, `columns` and `couplings`:
+    see `fill_groups`."""
     for i in range(sizes.n):
         if not p.H[i, i] > 0.0:
             return NO_SOLUTION, math.inf, GUESS, 0
@@ -48,7 +50,7 @@ def solve_groups(
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count, numbers = np.array([0, 0, 0, NEWTON_STEPS]), surfaces.pressures
+    count, numbers = np.array([0, 0, 0, NEWTON_STEPS, starts]), surfaces.pressures
     order = np.empty(members, np.int64)
     apart = _begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
