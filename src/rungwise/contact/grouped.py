@@ -24,7 +24,7 @@ from rungwise.contact.solver.groups import (
     integers_of,
     reals_of,
 )
-from rungwise.contact.solver.islands import count_island, fill_island, label_islands
+from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.kinds import cone, free, interval
 from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
 from rungwise.contact.solver.settings import BY_PATHS, WIDE
@@ -70,7 +70,7 @@ def solve_grouped(
     own_reals, own_integers, worst = np.empty(len(reals)), np.empty(len(integers), np.int64), 0.0
     rows = laws.d * len(laws.mu)
     for which in range(apart):
-        part = _cut(reals, integers, whole, scratch, which, own_reals, own_integers)
+        part = cut_island(reals, integers, whole, reals[:0], scratch, which, own_reals, own_integers)
         own = scratch[2 * members : 2 * members + n]
         if part.n < WIDE:
             found = _solve_few(
@@ -238,19 +238,6 @@ def _set_law(laws: Laws, velocities: int, k: int, g: Groups) -> None:
     g.kind[k], g.law[k, 0], g.law[k, 1] = interval.KIND, lower, upper
     if lower == -math.inf and upper == math.inf:
         g.kind[k], g.law[k, 0], g.law[k, 1] = free.KIND, 0.0, 0.0
-
-
-@kernel
-def _cut(
-    reals: Reals, integers: Ints, whole: Counts, scratch: Ints, which: int, own_reals: Reals,
-    own_integers: Ints,
-) -> Counts:  # fmt: skip
-    """Fill the groups of an island, and its velocities in `scratch`."""
-    g, members = groups_in(reals, integers, whole, reals[:0]), whole.n + whole.groups
-    label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
-    part = count_island(g, whole, label, which, place, own)
-    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part, reals[:0]))
-    return part
 
 
 @kernel

@@ -3,8 +3,8 @@ moves."""
 
 from __future__ import annotations
 
-from rungwise.contact.solver.groups import LAW, Counts, Groups
-from rungwise.kernel import Ints, inner_kernel, kernel
+from rungwise.contact.solver.groups import LAW, Counts, Groups, groups_in
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 
 @kernel
@@ -103,3 +103,23 @@ def fill_island(g: Groups, label: Ints, which: int, place: Ints, own: Ints, part
             for j in range(size):
                 part.R[m, i, j] = g.R[k, i, j]
         m += 1
+
+
+@kernel
+def cut_island(
+    reals: Reals,
+    integers: Ints,
+    whole: Counts,
+    numbers: Reals,
+    scratch: Ints,
+    which: int,
+    own_reals: Reals,
+    own_integers: Ints,
+) -> Counts:
+    """Fill the groups of an island, whose velocities follow the labels and as much room in `scratch`: first
+    which they are, then their places."""
+    g, members = groups_in(reals, integers, whole, numbers), whole.n + whole.groups
+    label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
+    part = count_island(g, whole, label, which, place, own)
+    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part, numbers))
+    return part

@@ -17,7 +17,7 @@ from rungwise.contact.solver.groups import (
     integers_of,
     reals_of,
 )
-from rungwise.contact.solver.islands import count_island, fill_island, label_islands
+from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
 from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
 from rungwise.contact.solver.solve import BY_ITERATE, measure, set_pace, solve
@@ -58,7 +58,7 @@ def solve_groups(
         own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
     for which in range(apart):
         if apart > 1:
-            part = _cut(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
+            part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
         rows = d * sizes.contacts
         if part.n < WIDE:
             found = _solve_few(
@@ -144,25 +144,6 @@ def _begin(
     for i in range(whole.n):
         scratch[2 * members + i] = i
     return label_islands(g, scratch[:members], scratch[members : 2 * members])
-
-
-@kernel
-def _cut(
-    reals: Reals,
-    integers: Ints,
-    whole: Counts,
-    numbers: Reals,
-    scratch: Ints,
-    which: int,
-    own_reals: Reals,
-    own_integers: Ints,
-) -> Counts:
-    """Fill the groups of an island, and its velocities in `scratch`."""
-    g, members = groups_in(reals, integers, whole, numbers), whole.n + whole.groups
-    label, own, place = scratch[:members], scratch[2 * members :], scratch[2 * members + whole.n :]
-    part = count_island(g, whole, label, which, place, own)
-    fill_island(g, label, which, place, own, groups_in(own_reals, own_integers, part, numbers))
-    return part
 
 
 @kernel
