@@ -24,9 +24,6 @@ from rungwise.simulation.spatial.replay import _between
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.threads import Workers
 from rungwise.system.planar.contact_manifold import are_parallel
-from rungwise.system.spatial.missed_contacts import Nearest
-from rungwise.system.spatial.noise import Noise, _jump
-from rungwise.system.spatial.rims import straighten
 from tests.simulation.core.test_particle import Particle
 
 
@@ -98,21 +95,6 @@ def test_faces_are_parallel_within_a_tenth_of_a_radian() -> None:
         assert are_parallel(0, 1, outline) == parallel
 
 
-def test_gaps_that_jump_by_a_thousand_roundings_are_remarked() -> None:
-    model: Any = SimpleNamespace(geom_type=[0, 6])
-    for jump, lines in ((1e-10, 0), (1e-8, 1)):
-        assert len(Noise(jump, (0, 1)).remarks(model, ("floor", "box"))) == lines
-
-
-def test_cylinders_stand_up_to_a_tilt_that_no_gap_tells() -> None:
-    plane, upright = np.eye(3).ravel(), np.eye(3).ravel()
-    for tilt, stands in ((1e-9, True), (1e-7, False)):
-        turn = np.array([plane, upright])
-        turn[1, 2] = tilt
-        straighten(np.array([1, 0]), np.array([0, 1]), turn)
-        assert (turn[1, 2] == 0.0) == stands
-
-
 def discs(overlap: float) -> dict[str, Any]:
     """Two discs of radius 1 that overlap, of which one may slide off."""
     disc = {"kind": "disc", "radius": 1.0}
@@ -134,58 +116,6 @@ def discs(overlap: float) -> dict[str, Any]:
 @pytest.mark.parametrize(("overlap", "begins"), [(2e-10, True), (2e-8, False)])
 def test_a_start_may_overlap_by_rounding(overlap: float, begins: bool) -> None:
     assert (rw.simulate(discs(overlap), "dynamic-rigid").outcome.name != "invalid") == begins
-
-
-class _Contacts:
-    """Contacts of MuJoCo's data, here of two geoms at three places of their faces, as deep as -0.1."""
-
-    def __init__(self) -> None:
-        normal = np.array([0.0, 0.0, 1.0])
-        self.own = [
-            SimpleNamespace(geom=np.array([0, 1]), frame=normal, pos=None, dist=-0.1) for _ in range(3)
-        ]
-        self.geom = np.array([[0, 1]] * 3)
-        self.dist, self.exclude = np.full(3, -0.1), np.zeros(3, np.int64)
-
-    def __getitem__(self, k: int) -> Any:
-        return self.own[k]
-
-
-@pytest.mark.parametrize(("degrees", "beside"), [(15.0, True), (45.0, False)])
-def test_contacts_of_faces_stay_beside_nearest_points_whose_normals_are_alike(
-    degrees: float, beside: bool
-) -> None:
-    contacts, angle = _Contacts(), np.deg2rad(degrees)
-    data: Any = SimpleNamespace(contact=contacts, ncon=3)
-
-    def add(_model: Any, data: Any, contact: Any) -> None:
-        contacts.own.append(SimpleNamespace(**vars(contact)))
-        data.ncon += 1
-
-    own: Any = SimpleNamespace(
-        model=None, sizes=np.ones(2), _mujoco=SimpleNamespace(mj_addContact=add)
-    )  # fmt: skip
-    frame = np.array([np.sin(angle), 0.0, np.cos(angle)])
-    Nearest._mend(own, 0, {(0, 1): (-0.3, np.zeros(3), frame)}, data)
-    assert data.ncon == (4 if beside else 3) and contacts.exclude.any() == (not beside)
-    assert min(each.dist for each in contacts.own) == -0.3
-
-
-@pytest.mark.parametrize(("bend", "told"), [(2.0, 0.0), (10.0, 1.0)])
-def test_gaps_that_change_as_curved_bodies_turn_are_no_noise(bend: float, told: float) -> None:
-    """By twice the square of the way over the size; not by ten times as much."""
-    h, speed = 1e-2, 0.3
-    for size in (0.1, 2.0):
-        kept: Any = SimpleNamespace(geoms=np.array([[0, 1]]), world=np.zeros((1, 10)))
-        way = h * speed * size
-        terms: Any = SimpleNamespace(
-            contact_stiffness=np.zeros((1, 2, 2)), rows=np.array([[1.0]]),
-            gap=np.array([h * 0.2 * size - bend * way * way / size]),
-        )  # fmt: skip
-        kept.world[0, 9] = 0.0
-        slots, sizes = np.zeros(1, np.int64), np.array([size, 3.0 * size])
-        jump, _ = unwrap(_jump)(h, way, slots, kept, sizes, terms, np.array([0.2 * size]))
-        assert (jump > 0.0) == bool(told)
 
 
 def test_a_step_to_a_contact_ends_a_little_short_of_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,9 +67,8 @@ class FurtherLaws(Protocol):
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
-    each other before one can be through the other; how far contacts can be looked for; whether terms say
-    where their entries are; further laws of its contacts, None where they have none; and whether friction may
-    differ by direction."""
+    each other before one can be through the other; whether terms say where their entries are; further laws of
+    its contacts, None where they have none; and whether friction may differ by direction."""
 
     coordinates: int
     velocities: int
@@ -78,7 +77,6 @@ class Size:
     limited: int
     length: float
     thin: float = math.inf
-    farthest: float = math.inf
     crowded: bool = False
     laws: FurtherLaws | None = None
     skewed: bool = False

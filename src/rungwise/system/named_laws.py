@@ -21,7 +21,6 @@ from rungwise.scene.fields.laws.contact import (
     rebound,
     until_edge,
 )
-from rungwise.scene.scene import InvalidScene
 
 
 @dataclass
@@ -66,16 +65,9 @@ class NamedLaws:
         return float(_until_edges(self.records, self.record_of(slots), gap, rate, across, rounding, h))
 
 
-def laws_named(records: RecordArray, record_of: Callable[[Ints], Ints], farthest: float) -> NamedLaws | None:
-    """The laws of contacts whose gaps are known up to `farthest`; None where no record names any. Raises
-    InvalidScene where one pulls from farther away."""
-    if not records["laws"].any():
-        return None
-    named = NamedLaws(records, record_of)
-    if named.within > farthest:
-        within = f"{named.within:g} (adhesion_range)"
-        raise InvalidScene(f"contacts: pulls within {within}: gaps are known up to {farthest:g} only")
-    return named
+def laws_named(records: RecordArray, record_of: Callable[[Ints], Ints]) -> NamedLaws | None:
+    """The laws of contacts; None where no record names any."""
+    return NamedLaws(records, record_of) if records["laws"].any() else None
 
 
 @rare_kernel

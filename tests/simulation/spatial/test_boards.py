@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.system.spatial.boxes import Box, is_covered
+from rungwise.system.spatial.patch.seams import Box, is_covered
 
 from .conftest import Make
 

@@ -1,42 +1,38 @@
-"""What the geometry of contacts is worth: said where it is noisy, and silent where it is clean."""
+"""What the geometry of contacts is worth to runs."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rungwise.models.ladder import DYNAMIC_COMPLIANT, DYNAMIC_RIGID
+from rungwise.models.ladder import DYNAMIC_RIGID
 
 from .conftest import Make
 from .measure import FLOOR, free, run, world
+from .rungs import WITH_LOADS
 
 TABLE = '<geom name="floor" type="box" size="2 2 .5" pos="0 0 -.5"/>'
-CLEAN = {
+KINDS = {
     "box": ('type="box" size=".1 .1 .1"', 0.1, ""),
     "ball": ('size=".1"', 0.1, ""),
     "capsule": ('type="capsule" size=".1 .2"', 0.1, 'euler="90 0 0"'),
+    "cylinder": ('type="cylinder" size=".1 .2"', 0.2, ""),
+    "lying cylinder": ('type="cylinder" size=".1 .2"', 0.1, 'euler="90 0 0"'),
+    "ellipsoid": ('type="ellipsoid" size=".1 .15 .2"', 0.2, ""),
 }
 
 
 @pytest.mark.parametrize("ground", [FLOOR, TABLE], ids=["plane", "box"])
-@pytest.mark.parametrize("kind", CLEAN)
-def test_clean_geometry_is_not_spoken_of(make: Make, kind: str, ground: str) -> None:
-    geom, height, more = CLEAN[kind]
-    scene = make(
-        world(ground, free("b", f"0 0 {height}", geom, more)),
-        start={"velocities": {"b.x": 0.3}}, duration=0.2, step=2e-3,
-    )  # fmt: skip
-    assert run(scene, DYNAMIC_RIGID).notes == ()
-
-
-def test_noise_is_named_with_its_geoms(make: Make) -> None:
-    cylinder = free("b", "0 0 .2", 'name="can" type="cylinder" size=".1 .2"')
-    scene = make(
-        world(TABLE, cylinder), start={"velocities": {"b.x": 0.3}}, duration=0.3, step=2e-3
-    )  # fmt: skip
-    notes = run(scene, DYNAMIC_COMPLIANT).notes
-    assert len(notes) == 1 and notes[0].startswith("geometry: ")
-    assert "can and floor (cylinder and box)" in notes[0]
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_lies_lies_still(make: Make, kind: str, ground: str) -> None:
+    """On rigid contacts to the last digits; on soft ones it only sinks in."""
+    geom, height, more = KINDS[kind]
+    scene = make(world(ground, free("b", f"0 0 {height}", geom, more)), duration=0.2, step=2e-3)
+    for rung in WITH_LOADS:
+        q = run(scene, rung).frames[-1].q
+        sunk = height - q[2]
+        assert (sunk > 0.0) == rung.compliant and sunk < 3e-4
+        assert np.abs(np.delete(q - run(scene, rung).frames[0].q, 2)).max() < 1e-12
 
 
 def test_what_is_round_rolls_without_sinking_in(make: Make) -> None:

@@ -144,4 +144,4 @@ def test_gaps_of_a_cylinder_that_stands_are_exact(make: Make, tilt: float) -> No
     for heading in np.random.default_rng(3).uniform(0.0, 2.0 * np.pi, 20):
         q = np.array([0.1, 0.2, 0.05, 1.0, 0.5 * tilt * np.cos(heading), 0.5 * tilt * np.sin(heading), 0.0])
         assert space.least_gap(q) == pytest.approx(-0.07 * tilt, abs=1e-9 + 0.1 * tilt**2)
-        assert len(space.data.contact.dist) >= 3
+        assert len(space.seen(q).dist) >= 3

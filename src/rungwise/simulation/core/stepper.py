@@ -206,7 +206,7 @@ class Stepper:
         self._trial, reach, begins = self.q, self._reach(h), True
         v = led = self.state.v
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
-            if reach > size.farthest or not self._fill(self._trial, led, h, reach):
+            if not self._fill(self._trial, led, h, reach):
                 self._cause = FAR
                 return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
             status = self._again(h)

@@ -125,5 +125,4 @@ class SpaceSimulation(MovingSimulation):
         return snapped(stepper, self.space, self.scene.labels.bodies)
 
     def remarks(self) -> tuple[str, ...]:
-        heard = self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
-        return self.notes + heard + self._turning.remarks()
+        return self.notes + self._turning.remarks()

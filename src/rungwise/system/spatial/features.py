@@ -73,8 +73,8 @@ class Solids(Block):
 
 
 class Seen(NamedTuple):
-    """Contacts as MuJoCo has them: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom (c,
-    2), address (c,) of the first of its rows. A row has entries (r,) many, from first (r,) on: J (e,), in
+    """Contacts: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom (c, 2), address (c,) of
+    the first of its rows, -1 if nothing moves it. A row has entries (r,) many, from first (r,) on: J (e,), in
     the columns column (e,), which are the same for all rows of a contact."""
 
     dist: Reals
@@ -88,6 +88,15 @@ class Seen(NamedTuple):
     entries: Ints
     column: Ints
     J: Reals
+
+
+def dense(seen: Seen, c: int, width: int, n: int) -> Reals:
+    """The first rows (width, n) of a contact; 0 where it has fewer."""
+    rows, first = np.zeros((width, n)), int(seen.address[c])
+    for i in range(min(width, int(seen.dim[c]))):
+        begin, count = int(seen.first[first + i]), int(seen.entries[first + i])
+        rows[i, seen.column[begin : begin + count]] = seen.J[begin : begin + count]
+    return rows
 
 
 @kernel

@@ -14,32 +14,24 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, kernel
-from rungwise.scene.space.laws import touching
+from rungwise.kernel import Reals, kernel
 from rungwise.system.moving import SLIP
 from rungwise.system.spatial.features import Seen
+from rungwise.system.spatial.patch.shapes import (
+    CAPSULE,
+    CYLINDER,
+    FIELD,
+    MESH,
+    Frames,
+    Shapes,
+    separation,
+    shapes,
+    thinnest,
+)
 
 if TYPE_CHECKING:
     import mujoco
-
-PLANE, FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
-"""MuJoCo's numbers of types of geoms."""
-
-
-class Shapes(Block):
-    """Geoms as convex shapes: kind, body (g,), size (g, 3), width (g,) in their thinnest direction, inf for
-    planes; corners (k, 3) of meshes, of each geom from `first` to `end` (g,)."""
-
-    kind: Ints
-    body: Ints
-    size: Reals
-    width: Reals
-    corners: Reals
-    first: Ints
-    end: Ints
 
 
 class Rates(NamedTuple):
@@ -49,50 +41,6 @@ class Rates(NamedTuple):
     speed: Reals
     turn: Reals
     swing: Reals
-
-
-class Frames(NamedTuple):
-    """Places (g, 3) and axes (g, 9) of geoms."""
-
-    place: Reals
-    axes: Reals
-
-
-def shapes(model: mujoco.MjModel) -> Shapes:
-    """The geoms of a model; MuJoCo takes meshes for their convex hulls."""
-    m = model
-    first, end = np.zeros(m.ngeom, np.int64), np.zeros(m.ngeom, np.int64)
-    meshes = m.geom_type == MESH
-    first[meshes] = m.mesh_vertadr[m.geom_dataid[meshes]]
-    end[meshes] = first[meshes] + m.mesh_vertnum[m.geom_dataid[meshes]]
-    corners = np.ascontiguousarray(m.mesh_vert, dtype=np.float64).reshape(-1, 3)
-    return Shapes(
-        kind=m.geom_type.astype(np.int64), body=m.geom_bodyid.astype(np.int64), size=m.geom_size.copy(),
-        width=np.array([_width(m, g, corners[first[g] : end[g]]) for g in range(m.ngeom)]).reshape(-1),
-        corners=corners, first=first, end=end,
-    )  # fmt: skip
-
-
-def _width(model: mujoco.MjModel, g: int, corners: Reals) -> float:
-    """Width of a geom in its thinnest direction; of meshes the least along the axes of a geom, which are
-    those of its inertia, and 0 for a height field, whose surface has no inside."""
-    kind, size = int(model.geom_type[g]), model.geom_size[g]
-    if kind == MESH:
-        return float(np.ptp(corners, axis=0).min())
-    if kind == PLANE:
-        return math.inf
-    if kind == FIELD:
-        return 0.0
-    radii = {SPHERE: size[:1], CAPSULE: size[:1], CYLINDER: size[:2]}.get(kind, size)
-    return 2.0 * float(radii.min())
-
-
-def thinnest(model: mujoco.MjModel, made: Shapes) -> float:
-    """The least sum of widths of a geom that moves and another that may touch something."""
-    touches = np.flatnonzero(touching(model))
-    moves = [g for g in touches if model.body_weldid[model.geom_bodyid[g]] != 0]
-    sums = [made.width[a] + made.width[touches[touches != a]].min(initial=math.inf) for a in moves]
-    return float(min(sums, default=math.inf))
 
 
 def rates(model: mujoco.MjModel, speed: Reals) -> Rates:
@@ -266,38 +214,6 @@ def _radius(g: int, shapes: Shapes) -> float:
     return float(size[0] + size[1] + size[2])
 
 
-@kernel
-def separation(a: int, b: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
-    """Distance of the geoms along an axis from a to b; negative where they overlap along it."""
-    along = x * (frames.place[b, 0] - frames.place[a, 0])
-    along += y * (frames.place[b, 1] - frames.place[a, 1])
-    along += z * (frames.place[b, 2] - frames.place[a, 2])
-    return float(along - _extent(a, x, y, z, shapes, frames) - _extent(b, -x, -y, -z, shapes, frames))
-
-
-@kernel
-def _extent(g: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
-    """How far a geom reaches from its place along an axis."""
-    kind, size, u = shapes.kind[g], shapes.size[g], frames.axes[g]
-    p = u[0] * x + u[3] * y + u[6] * z
-    q = u[1] * x + u[4] * y + u[7] * z
-    r = u[2] * x + u[5] * y + u[8] * z
-    if kind == SPHERE:
-        return float(size[0])
-    if kind == CAPSULE:
-        return float(size[0] + size[1] * abs(r))
-    if kind == CYLINDER:
-        return float(size[0] * math.hypot(p, q) + size[1] * abs(r))
-    if kind == ELLIPSOID:
-        return math.sqrt((size[0] * p) ** 2 + (size[1] * q) ** 2 + (size[2] * r) ** 2)
-    if kind == BOX:
-        return float(size[0] * abs(p) + size[1] * abs(q) + size[2] * abs(r))
-    far = -math.inf
-    for k in range(shapes.first[g], shapes.end[g]):
-        far = max(far, shapes.corners[k, 0] * p + shapes.corners[k, 1] * q + shapes.corners[k, 2] * r)
-    return far
-
-
 class Passing:
     """Ways of the geoms of a model between two places; `thin` is the least sum of widths of two."""
 
@@ -305,10 +221,6 @@ class Passing:
         self.shapes = shapes(model)
         self.rates = rates(model, speed)
         self.thin = thinnest(model, self.shapes)
-
-    def is_curved(self, touches: NDArray[np.bool_]) -> bool:
-        """Whether the nearest points of some geoms that may touch are found by iteration."""
-        return bool(np.isin(self.shapes.kind[touches], (FIELD, ELLIPSOID, CYLINDER, MESH)).any())
 
     def may_pass(self, seen: Seen, v: Reals, h: float, deep: float) -> bool:
         """Whether velocities v may lead geoms through each other within h from where they are seen."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,7 +17,6 @@ from rungwise.scene.space.laws import touching
 from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.named_laws import laws_named
-from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import (
     FREE,
@@ -31,12 +29,10 @@ from rungwise.system.spatial.features import (
 )
 from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
-from rungwise.system.spatial.missed_contacts import Nearest
-from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import Passing, frames
+from rungwise.system.spatial.patch.contacts import Contacts
 from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
-from rungwise.system.spatial.rims import Rims
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -49,16 +45,12 @@ they are so many times those of the start."""
 CLOSINGS, SHUT = 10, 1e-12
 """Gauss-Newton steps at most in which equalities are closed, and by what part of the length they may be open
 afterwards."""
-LISTENS = 4
-"""In one of so many steps gaps are compared with those of the step before: noise lasts longer."""
 AHEAD = 2.0
-"""MuJoCo looks for contacts this many times farther than a step asks for, so that it is seldom told anew."""
+"""Contacts are looked for this many times farther than a step asks for, so that they are known for the next
+ones as well."""
 FALLEN = 32.0
-"""Where MuJoCo looks this many times farther than a step asks for, it is told anew: contacts of curved geoms
-are the better the nearer it looks."""
-FAR = 10.0
-"""How far contacts of curved geoms and meshes can be looked for, over the length of the smallest geom: with
-margins that are many times greater MuJoCo takes deep overlaps for gaps (at 100 one of six, at 10 none)."""
+"""Where contacts are looked for this many times farther than a step asks for, that becomes less: the nearer,
+the fewer are found."""
 NEAR = 0.05
 """How far contacts are looked for at first, over the length of the smallest geom."""
 
@@ -71,11 +63,6 @@ class Laws(NamedTuple):
     law: Ints
     rows: Reals
     named: RecordArray
-
-
-NEAREST, SEARCHES = 1e-10, 200
-"""Error of MuJoCo's search for the nearest points of two convex geoms, and its most iterations: its own, 1e-6
-and 35, are as great as the overlap that rigid contacts allow. Chosen by trial."""
 
 
 @dataclass
@@ -111,13 +98,11 @@ class Space:
         self._lengths = np.zeros(len(self._vectors) - 1)
         self.passing = Passing(m, self.reaches)
         self.drives: Drives = drives(m)
-        self.boxes, self.rims = Boxes(m), Rims(m)
+        self.contacts = Contacts(m, self.data, self.passing.shapes)
         touches = touching(m)
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
-        self.nearest = Nearest(m, self.passing.shapes, sizes)
-        self._collide = self.nearest.collide if self.nearest.may_meet else partial(mujoco.mj_collision, m)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
         self.lever = self.reaches.max(axis=0, initial=0.0)
@@ -134,7 +119,7 @@ class Space:
         self._near = AHEAD * NEAR * length
         self.look_within(self._near)
         self._at(self.place)
-        while self.room < BEGINS * self.data.ncon:
+        while self.room < BEGINS * len(self._seen.dist):
             self.room *= 2
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.most = 2 * self.room
@@ -142,23 +127,14 @@ class Space:
         self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
         slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
         limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
-        farthest = FAR * length if self.passing.is_curved(touches) else math.inf
         crowded = m.nv >= CROWDED
-        named = laws_named(self.laws.named, self._laws_of, farthest)
-        self.size = Size(
-            m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded, named, skewed(m)
-        )
+        named = laws_named(self.laws.named, self._laws_of)
+        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, crowded, named, skewed(m))
         self._all_free = bool(self.solids.free.all())
         self.falls = np.where(self.solids.free, self.loads.falls, 0.0)
-        self.noise = Noise()
-        # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
-        self._from = self._filled = self.place
-        self._heard = 0
         self.activation = self.begun.copy()
         self.forget()
-        # By whether there are several contacts: numpy's arrays of one are contiguous, another type.
-        self._fill_contacts = steady(fill_contacts), steady(fill_contacts)
-        self._least_gap = steady(least_gap), steady(least_gap)
+        self._fill_contacts, self._least_gap = steady(fill_contacts), steady(least_gap)
         self._fastest_point = steady(fastest_point)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
 
@@ -180,16 +156,21 @@ class Space:
     def least_gap(self, q: Reals) -> float:
         self._at(q)
         if self._least is None:
-            self._least = self._least_gap[self.data.ncon > 1](self._seen)
+            self._least = self._least_gap(self._seen)
         return self._least
+
+    def seen(self, q: Reals) -> Seen:
+        """The contacts at q (n_q,) within `margin`."""
+        self._at(q)
+        return self._seen
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
         """Gap and geoms of each contact that overlaps."""
         self._at(q)
-        contact = self.data.contact
+        seen = self._seen
         return [
             (float(gap), int(a), int(b))
-            for gap, (a, b), row in zip(contact.dist, contact.geom, contact.efc_address, strict=True)
+            for gap, (a, b), row in zip(seen.dist, seen.geom, seen.address, strict=True)
             if gap < 0.0 and row >= 0
         ]
 
@@ -213,13 +194,8 @@ class Space:
         """The distance of two bodies, negative where they overlap: of their geoms that may touch something,
         or of all geoms of a body that has none."""
         self._at(q)
-        m, nothing = self.model, None
-        far = 10.0 * float(m.stat.extent)
-        least = np.inf
-        for i in self._geoms_of(a):
-            for j in self._geoms_of(b):
-                least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
-        return float(least)
+        pairs = ((i, j) for i in self._geoms_of(a) for j in self._geoms_of(b))
+        return min((self.contacts.distance(i, j)[0] for i, j in pairs), default=math.inf)
 
     def frames(self, q: Reals) -> Reals:
         """Where bodies are at q (n_q,): their origins, and row by row the matrices of their axes (b, 12)."""
@@ -302,11 +278,11 @@ class Space:
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         d = self.data
         if reach > self.margin or FALLEN * reach < self.margin > self._near:
-            self.look_within(max(min(AHEAD * reach, self.size.farthest), self._near))
+            self.look_within(max(AHEAD * reach, self._near))
         self._at(moment.q)
         self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
         self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
-        count = self._fill_contacts[d.ncon > 1](
+        count = self._fill_contacts(
             self._seen, self.solids, self.kept, self.found, reach, self.room, terms, self._slots, self._fresh
         )
         if count < 0:
@@ -316,24 +292,9 @@ class Space:
                 f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
                 " simpler geoms"
             )
-        self._listen(moment, count, terms)
         known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
         self._fresh[known:count] = 0
         return self._slots[:count], self._fresh[:count]
-
-    def _listen(self, moment: Moment, count: int, terms: Terms) -> None:
-        """Compare gaps with those of the step before, if both are those at the start of a step."""
-        noise, sizes = self.noise, self.solids.size
-        if moment.time > noise.time:
-            self._heard += 1
-        if moment.time > noise.time and self._heard % LISTENS:
-            self._from, noise.time = moment.q, moment.time
-        elif moment.time > noise.time:
-            way = 0.5 * (moment.time - noise.time) * self.fastest(moment.q, moment.v)
-            known = self._slots[:count] if self._from is self._filled else self._slots[:0]
-            noise.look(moment.time, way, known, self.kept, sizes, terms, moment.v)
-            self._from = moment.q
-        self._filled = moment.q
 
     def forget(self) -> None:
         """Know no contact, look for contacts as near as at first, and begin with the activations of the
@@ -355,7 +316,6 @@ class Space:
     def look_within(self, margin: float) -> None:
         """Look for contacts within a distance from now on."""
         m, self.margin = self.model, margin
-        m.geom_margin[:], m.body_margin[:], m.pair_margin[:] = 0.5 * margin, 0.5 * margin, margin
         if m.njnt:
             m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
         m.tendon_margin[:] = margin
@@ -366,28 +326,14 @@ class Space:
         if self._q is None or (q is not self._q and q.tobytes() != self._q.tobytes()):
             m, d = self.model, self.data
             d.qpos[:] = q
-            if not (self.boxes.may_meet or self.rims.may_meet or self.nearest.may_meet):
-                self._mujoco.mj_fwdPosition(m, d)
-            else:
-                self._mujoco.mj_kinematics(m, d)
-                self._mujoco.mj_comPos(m, d)
-                self._mujoco.mj_tendon(m, d)
-                self._mujoco.mj_makeM(m, d)
-                self._mujoco.mj_factorM(m, d)
-                if self.rims.may_meet:
-                    self.rims.straighten(d)
-                self._collide(d)
-                if self.boxes.may_meet:
-                    self.boxes.mend(d)
-                if self.rims.may_meet:
-                    self.rims.mend(d)
-                self._mujoco.mj_makeConstraint(m, d)
-                self._mujoco.mj_transmission(m, d)
-            c, self._least = d.contact, None
-            self._seen = Seen(
-                c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address,
-                d.efc_J_rowadr, d.efc_J_rownnz, d.efc_J_colind, d.efc_J,
-            )  # fmt: skip
+            self._mujoco.mj_kinematics(m, d)
+            self._mujoco.mj_comPos(m, d)
+            self._mujoco.mj_tendon(m, d)
+            self._mujoco.mj_makeM(m, d)
+            self._mujoco.mj_factorM(m, d)
+            self._mujoco.mj_makeConstraint(m, d)
+            self._mujoco.mj_transmission(m, d)
+            self._seen, self._least = self.contacts.within(self.margin), None
         self._q = q
 
 
@@ -405,12 +351,9 @@ def skewed(model: mujoco.MjModel) -> bool:
 
 
 def _set_options(model: mujoco.MjModel) -> None:
-    """What the rows need: one row per direction of a contact, in full."""
+    """What the rows need: each in full."""
     import mujoco
 
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, NEAREST)
-    model.opt.ccd_iterations = max(model.opt.ccd_iterations, SEARCHES)
-    model.geom_gap[:], model.pair_gap[:] = 0.0, 0.0

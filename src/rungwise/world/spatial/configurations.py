@@ -1,6 +1,6 @@
 """Where bodies may be placed in space: free bodies anywhere, joints within their ranges.
 
-Gaps are MuJoCo's, of all pairs of geoms that may touch. Places hold quaternions; a straight way turns them
+Gaps are of all pairs of geoms that may touch. Places hold quaternions; a straight way turns them
 along the shortest arc (Shoemake, Animating rotation with quaternion curves, 1985), and a change of one is a
 turn about the body's own axes, as velocities are.
 """

@@ -13,6 +13,8 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space.laws import touching
+from rungwise.system.spatial.patch.geoms import Geoms
+from rungwise.system.spatial.patch.shapes import shapes
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT
@@ -47,7 +49,7 @@ class JointTool:
 
         self._mujoco, self._room, self.carrier = mujoco, room, carrier
         m = self._model = room.model
-        self._data, names = mujoco.MjData(m), list(room.names)
+        self._data, names, self._solids = mujoco.MjData(m), list(room.names), Geoms(m, shapes(m))
         self._body, self._columns = names.index(carrier.body), list(carrier.places)
         self.changes = np.array(carrier.rates, np.int64)
         self._low, self._high = carrier.travel
@@ -93,12 +95,12 @@ class JointTool:
     def _nearest(self, target: int) -> tuple[float, Reals, Reals]:
         """The gap to an object, the direction (3,) away from it, and the point (3,) of the body there."""
         least, ends = math.inf, np.zeros(6)
+        self._solids.place(self._data)
         for a, b in self._pairs[target][1]:
-            own = np.zeros(6)
-            gap = self._mujoco.mj_geomDistance(self._model, self._data, a, b, self._room.far, own)
+            gap, own = self._solids.distance(a, b, self._room.far)
             if gap < least:
                 least = gap
-                ends = own if self._model.geom_bodyid[b] == self._body else own[[3, 4, 5, 0, 1, 2]]
+                ends = (own if self._model.geom_bodyid[b] == self._body else own[::-1]).ravel()
         away = (ends[3:] - ends[:3]) * (1.0 if least >= 0.0 else -1.0)
         length = float(np.linalg.norm(away))
         return least, away / length if length > 0.0 else away, ends[3:]

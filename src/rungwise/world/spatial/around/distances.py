@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.system.spatial.patch.geoms import Geoms
+from rungwise.system.spatial.patch.shapes import shapes
 
 if TYPE_CHECKING:
     import mujoco
 
 SLACK = 1e-6
-"""Part of the size of a model by which MuJoCo's distances may be below those of the balls, by rounding."""
+"""Part of the size of a model by which distances may be below those of the balls, by rounding."""
 
 
 class Distances:
@@ -23,7 +25,7 @@ class Distances:
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[Sequence[tuple[int, int]]], far: float) -> None:
         import mujoco
 
-        self._measure, self._model, self._far = mujoco.mj_geomDistance, model, far
+        self._solids, self._far = Geoms(model, shapes(model)), far
         every = [(g, h, k) for k, own in enumerate(geoms) for g, h in own]
         a, b, self._of = np.array(every, np.int64).reshape(-1, 3).T
         flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
@@ -41,14 +43,13 @@ class Distances:
         least, own = self._least(data, rows), self._geoms[pair]
         gap, ends, geoms = math.inf, np.zeros(6), (0, 0)
         if len(rows):
-            gap = self._measure(self._model, data, *own[int(least.argmin())], self._far, None)
+            gap, _ = self._solids.distance(*own[int(least.argmin())], self._far)
             gap = max(gap, float(least.min()))  # of pairs farther than is measured one is kept
         gap, most = math.inf, gap + self._slack
         for k in np.flatnonzero(least <= most).tolist():
-            found = np.zeros(6)
-            apart = self._measure(self._model, data, *own[k], self._far, found)
+            apart, found = self._solids.distance(*own[k], self._far)
             if apart < gap:
-                gap, ends, geoms = apart, found, own[k]
+                gap, ends, geoms = apart, found.ravel(), own[k]
         return gap, ends, geoms
 
     def least(self, data: mujoco.MjData, pairs: Ints, within: float = math.inf) -> Reals:
@@ -66,12 +67,13 @@ class Distances:
             pair = int(self._of[row])
             if bound < found[pair]:
                 a, b = int(self._a[row]), int(self._b[row])
-                own = self._measure(self._model, data, a, b, float(found[pair]), None)
+                own, _ = self._solids.distance(a, b, float(found[pair]))
                 found[pair] = min(found[pair], own)
         return np.asarray(found[pairs])
 
     def _least(self, data: mujoco.MjData, rows: Ints) -> Reals:
-        """Gaps (r,) below which pairs of geoms (r,) are not, by balls about them."""
+        """Gaps (r,) below which pairs of geoms (r,) are not, by balls about them; places the geoms."""
+        self._solids.place(data)
         a, planes = self._a[rows], self._planes[rows]
         off = data.geom_xpos[self._b[rows]] - data.geom_xpos[a]
         away = np.sqrt((off * off).sum(axis=1))

@@ -13,6 +13,7 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching_pairs
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.drives import BALL, FREE
+from rungwise.system.spatial.features import Seen, dense
 from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches
 from rungwise.world.spatial.around.distances import Distances
 from rungwise.world.spatial.around.surface import surface
@@ -86,29 +87,23 @@ class SpatialSurroundings:
     def touches(self, q: Reals, within: float) -> Touches:
         space, m = self._space, self._model
         if space.margin < within or space.margin > 4.0 * within:
-            space.look_within(min(2.0 * within, space.size.farthest))
-        space.least_gap(q)
-        d = space.data
-        jacobian = np.zeros((d.nefc, m.nv))
-        if d.nefc:
-            self._mujoco.mju_sparse2dense(jacobian, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
-        least, contact = np.full(len(self._first), space.margin), d.contact
-        bodies, gaps, address = m.geom_bodyid[contact.geom].reshape(-1, 2), contact.dist, contact.efc_address
+            space.look_within(2.0 * within)
+        seen, d = space.seen(q), space.data
+        least, gaps, bodies = np.full(len(self._first), space.margin), seen.dist, m.geom_bodyid[seen.geom]
         ids, signs = self._ids[bodies[:, 0], bodies[:, 1]], self._signs[bodies[:, 0], bodies[:, 1]]
-        known = (ids >= 0) & (address >= 0)
+        known = (ids >= 0) & (seen.address >= 0)
         np.minimum.at(least, ids[known], gaps[known])
         kept = np.flatnonzero(known & (gaps < within))
-        width = np.arange(1 + self.tangents)
-        own = np.minimum(address[kept][:, None] + width, max(d.nefc - 1, 0))
-        rows = jacobian[own] * (width < contact.dim[kept][:, None])[:, :, None]
-        frictions, twists = self._frictions(kept)
+        rows = np.array([dense(seen, c, 1 + self.tangents, m.nv) for c in kept.tolist()])
+        rows = rows.reshape(-1, 1 + self.tangents, m.nv)
+        frictions, twists = self._frictions(seen, kept)
         rows[:, 3:] *= twists[:, None, None]
-        normals = -signs[kept][:, None] * contact.frame[kept].reshape(-1, 9)[:, :3]
-        points, owners = contact.pos[kept].reshape(-1, 3), ids[kept]
-        features = self._features(kept)
+        normals = -signs[kept][:, None] * seen.frame[kept, :3]
+        points, owners = seen.pos[kept], ids[kept]
+        features = self._features(seen, kept)
         some, left, of = _spread(owners, points, normals, features)
         return Touches(
-            pairs=owners[some], features=features[some], gaps=contact.dist[kept[some]].copy(),
+            pairs=owners[some], features=features[some], gaps=gaps[kept[some]].copy(),
             points=points[some].copy(), normals=normals[some], rows=rows[some],
             friction=frictions[some], least=least,
             poses=np.hstack([d.xpos, d.xquat]), loads=self._loads(d),
@@ -116,25 +111,24 @@ class SpatialSurroundings:
             beside=Beside(of[len(some) :], gaps[kept[left]].copy(), rows[left], frictions[left]),
         )  # fmt: skip
 
-    def _features(self, contacts: Ints) -> Ints:
+    def _features(self, seen: Seen, contacts: Ints) -> Ints:
         """Numbers (k,) of contacts: of their two geoms, and of the cell of one of them in which they are."""
         d, m = self._space.data, self._model
-        g, h = d.contact.geom[contacts].reshape(-1, 2).T.astype(np.int64)
+        g, h = seen.geom[contacts].T
         own = np.where(m.body_weldid[m.geom_bodyid[g]] == 0, h, g)
         half = np.where(m.geom_aabb[own, 3:] > 0.0, m.geom_aabb[own, 3:], 1.0)
-        way = (d.contact.pos[contacts].reshape(-1, 3) - d.geom_xpos[own])[:, None]
+        way = (seen.pos[contacts] - d.geom_xpos[own])[:, None]
         at = ((way @ d.geom_xmat[own].reshape(-1, 3, 3))[:, 0] - m.geom_aabb[own, :3]) / half
         cell = (at > CELLS).astype(np.int64) - (at < -CELLS)
         return np.asarray((g * m.ngeom + h) * 27 + (cell + 1) @ np.array([1, 3, 9]))
 
-    def _frictions(self, contacts: Ints) -> tuple[Reals, Reals]:
+    def _frictions(self, seen: Seen, contacts: Ints) -> tuple[Reals, Reals]:
         """Sliding friction of contacts (k,), of their laws, else the model's, the least where it differs by
         direction; and torsional over sliding friction, as lengths (k,)."""
-        contact, laws = self._space.data.contact, self._space.laws
-        geoms, model = contact.geom[contacts].reshape(-1, 2), contact.friction[contacts].reshape(-1, 5)
+        laws, geoms, model = self._space.laws, seen.geom[contacts], seen.friction[contacts]
         own = laws.rows[laws.law[geoms[:, 0], geoms[:, 1]]]
         slides = np.where(np.isnan(own[:, 5]), model[:, :2].min(axis=1), own[:, 5])
-        slides = np.where(contact.dim[contacts] < 3, 0.0, slides)
+        slides = np.where(seen.dim[contacts] < 3, 0.0, slides)
         twists = np.where(
             np.isnan(own[:, 6]), model[:, 2] / _some(model[:, :2].min(axis=1)), own[:, 6] / _some(slides)
         )

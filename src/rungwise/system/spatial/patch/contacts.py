@@ -1,0 +1,281 @@
+"""All contacts of the geoms of a model: which may touch, where they do, and the rows of what moves them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, kernel, steady
+from rungwise.scene.space.laws import LEAST, touching_pairs
+from rungwise.system.spatial.features import Seen
+from rungwise.system.spatial.patch.fields import Fields, meet_field
+from rungwise.system.spatial.patch.geoms import Geoms
+from rungwise.system.spatial.patch.pairs import (
+    FULL,
+    Found,
+    Scratch,
+    allocate_found,
+    copy_contact,
+    meet,
+)
+from rungwise.system.spatial.patch.seams import Seams, is_behind, seams
+from rungwise.system.spatial.patch.shapes import FIELD, PLANE, Frames, Shapes
+
+if TYPE_CHECKING:
+    import mujoco
+
+ROOM = 64
+"""Contacts that there is room for at first; it is doubled as often as need be."""
+WIDE = 6
+"""Rows of a contact at most: three of motions, three of turns."""
+
+
+class Pairs(Block):
+    """Geoms (p, 2) that may touch, in the order of their types; the sum of the radii of balls about them
+    (p,), about the second alone beside a plane; directions in which contacts resist (p,), and friction (p,
+    5): sliding, two directions, torsional, rolling, two directions."""
+
+    geoms: Ints
+    bound: Reals
+    dim: Ints
+    friction: Reals
+
+
+class Tree(Block):
+    """Which velocities move a body: the last (b,) of its own or of the bodies that carry it, -1 if none; the
+    one before each (n,); and the body (b,) about whose centre of mass MuJoCo tells motions."""
+
+    last: Ints
+    before: Ints
+    root: Ints
+
+
+class Motions(Block):
+    """Turn and speed (n, 6) by each velocity about the centres of mass (b, 3), in MuJoCo's memory."""
+
+    each: Reals
+    centre: Reals
+
+
+def pairs(model: mujoco.MjModel) -> Pairs:
+    """The geoms that may touch and of which something moves one, with friction as MuJoCo combines it."""
+    m, kind = model, model.geom_type.astype(np.int64)
+    geoms = touching_pairs(m)
+    fixed = tree(m).last[m.geom_bodyid] < 0
+    geoms = geoms[~fixed[geoms].all(axis=1) & ~np.isin(kind[geoms], range(PLANE, 8), invert=True).any(axis=1)]
+    swap = kind[geoms[:, 0]] > kind[geoms[:, 1]]
+    geoms[swap] = geoms[swap][:, ::-1]
+    a, b = geoms.T
+    first, second = m.geom_priority[a], m.geom_priority[b]
+    dims = np.maximum(m.geom_condim[a], m.geom_condim[b])
+    dims = np.where(first > second, m.geom_condim[a], np.where(first < second, m.geom_condim[b], dims))
+    own = np.maximum(m.geom_friction[a], m.geom_friction[b])
+    own = np.where((first > second)[:, None], m.geom_friction[a], own)
+    own = np.where((first < second)[:, None], m.geom_friction[b], own)
+    friction = own[:, [0, 0, 1, 2, 2]]
+    named = {
+        tuple(sorted(pair)): k
+        for k, pair in enumerate(zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True))
+    }
+    for p, pair in enumerate(geoms.tolist()):
+        k = named.get(tuple(sorted(pair)))
+        if k is not None:
+            dims[p], friction[p] = m.pair_dim[k], m.pair_friction[k]
+    radius = np.where(kind == PLANE, 0.0, m.geom_rbound)
+    return Pairs(
+        geoms=np.ascontiguousarray(geoms), bound=radius[a] + radius[b], dim=dims.astype(np.int64),
+        friction=np.ascontiguousarray(np.maximum(friction, LEAST)),
+    )  # fmt: skip
+
+
+def tree(model: mujoco.MjModel) -> Tree:
+    m, last = model, np.full(model.nbody, -1)
+    for b in range(1, m.nbody):
+        own = int(m.body_dofadr[b] + m.body_dofnum[b] - 1)
+        last[b] = own if m.body_dofnum[b] else last[m.body_parentid[b]]
+    return Tree(
+        last=last.astype(np.int64),
+        before=m.dof_parentid.astype(np.int64),
+        root=m.body_rootid.astype(np.int64),
+    )
+
+
+class Contacts(Geoms):
+    """Finds the contacts of the geoms of a model where its data has them."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes) -> None:
+        super().__init__(model, shapes)
+        self.pairs, self.tree, self._seams, self._data = pairs(model), tree(model), seams(model), data
+        self._motions = Motions(each=data.cdof, centre=data.subtree_com)
+        self._wide = 1 + max((len(_chain(self.tree, b)) for b in range(model.nbody)), default=0)
+        self._find, self._put_rows = steady(find), steady(put_rows)
+        self._give_room(ROOM)
+
+    def _give_room(self, most: int) -> None:
+        rows = WIDE * most
+        self._found, self._of = allocate_found(most), np.zeros(most, np.int64)
+        self._whole = Seen(
+            self._found.gap, self._found.place, np.zeros((most, 9)), np.zeros((most, 5)),
+            np.zeros(most, np.int64), self._found.geoms, np.zeros(most, np.int64), np.zeros(rows, np.int64),
+            np.zeros(rows, np.int64), np.zeros(2 * self._wide * rows, np.int64),
+            np.zeros(2 * self._wide * rows),
+        )  # fmt: skip
+
+    def within(self, margin: float) -> Seen:
+        """The contacts that are nearer than `margin`."""
+        self.place(self._data)
+        count = FULL
+        while count == FULL:
+            count = self._find(
+                margin,
+                self.pairs,
+                self.shapes,
+                self.fields,
+                self._seams,
+                self.frames,
+                self._scratch,
+                self._found,
+                self._of,
+            )
+            if count == FULL:
+                self._give_room(2 * len(self._of))
+        self._put_rows(
+            count, self._of, self._found, self.pairs, self.shapes, self.tree, self._motions, self._whole
+        )
+        w, c = self._whole, slice(count)
+        return Seen(
+            w.dist[c], w.pos[c], w.frame[c], w.friction[c], w.dim[c], w.geom[c], w.address[c],
+            w.first, w.entries, w.column, w.J,
+        )  # fmt: skip
+
+
+def _chain(made: Tree, body: int) -> list[int]:
+    """The velocities that move a body."""
+    found, at = list[int](), int(made.last[body])
+    while at >= 0:
+        found.append(at)
+        at = int(made.before[at])
+    return found
+
+
+@kernel
+def find(
+    within: float, pairs: Pairs, shapes: Shapes, fields: Fields, seams: Seams, frames: Frames,
+    scratch: Scratch, found: Found, of: Ints,
+) -> int:  # fmt: skip
+    """Fill in the contacts that are nearer than `within`, and the pair (c,) of each; returns how many, or
+    `FULL`."""
+    count, place = 0, frames.place
+    for p in range(pairs.bound.shape[0]):
+        a, b = pairs.geoms[p, 0], pairs.geoms[p, 1]
+        x, y, z = place[b, 0] - place[a, 0], place[b, 1] - place[a, 1], place[b, 2] - place[a, 2]
+        most, before = pairs.bound[p] + within, count
+        if shapes.kind[a] == PLANE:
+            u = frames.axes[a]
+            if shapes.kind[b] == PLANE or shapes.kind[b] == FIELD or x * u[2] + y * u[5] + z * u[8] > most:
+                continue
+        elif x * x + y * y + z * z > most * most:
+            continue
+        if shapes.kind[a] == FIELD:
+            if shapes.kind[b] != FIELD:
+                count = meet_field(a, b, within, shapes, fields, frames, scratch, found, count)
+        else:
+            count = meet(a, b, within, shapes, frames, scratch, found, count)
+        if count == FULL:
+            return FULL
+        last, count = count, before
+        for c in range(before, last):
+            if not is_behind(c, seams, shapes, frames, found):
+                copy_contact(c, count, found)
+                of[count] = p
+                count += 1
+    return count
+
+
+@kernel
+def put_rows(
+    count: int, of: Ints, found: Found, pairs: Pairs, shapes: Shapes, tree: Tree, motions: Motions, seen: Seen
+) -> None:
+    """Fill in frames, friction, and the rows of contacts: of the second body's motion less the first one's,
+    in the frame of the contact."""
+    rows, entries = 0, 0
+    for c in range(count):
+        p, frame = of[c], seen.frame[c]
+        for k in range(3):
+            frame[k] = found.normal[c, k]
+        fill_tangents(frame)
+        for k in range(5):
+            seen.friction[c, k] = pairs.friction[p, k]
+        dim = seen.dim[c] = pairs.dim[p]
+        one, other = shapes.body[found.geoms[c, 0]], shapes.body[found.geoms[c, 1]]
+        width = _columns(one, other, entries, tree, seen)
+        seen.address[c] = rows if width else -1
+        for i in range(dim if width else 0):
+            seen.first[rows + i], seen.entries[rows + i] = entries + i * width, width
+        for e in range(width):
+            _put_column(c, entries, e, width, dim, one, other, found, tree, motions, seen)
+        if width:
+            rows, entries = rows + dim, entries + dim * width
+
+
+@kernel
+def _columns(one: int, other: int, begin: int, tree: Tree, seen: Seen) -> int:
+    """Fill in the velocities that move two bodies against each other, those of the second as they are and
+    those of the first as -1 - j; returns how many."""
+    i, j, count = tree.last[one], tree.last[other], 0
+    while i != j:
+        if i > j:
+            seen.column[begin + count], i = -1 - i, tree.before[i]
+        else:
+            seen.column[begin + count], j = j, tree.before[j]
+        count += 1
+    return count
+
+
+@kernel
+def _put_column(
+    c: int, begin: int, e: int, width: int, dim: int, one: int, other: int, found: Found, tree: Tree,
+    motions: Motions, seen: Seen,
+) -> None:  # fmt: skip
+    """Fill in what one velocity does to the rows of a contact."""
+    j = seen.column[begin + e]
+    body, sign = (other, 1.0) if j >= 0 else (one, -1.0)
+    if j < 0:
+        j = -1 - j
+        seen.column[begin + e] = j
+    centre, own, place, frame = (
+        motions.centre[tree.root[body]],
+        motions.each[j],
+        found.place[c],
+        seen.frame[c],
+    )
+    x, y, z = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
+    u = sign * (own[3] + own[1] * z - own[2] * y)
+    v = sign * (own[4] + own[2] * x - own[0] * z)
+    w = sign * (own[5] + own[0] * y - own[1] * x)
+    for i in range(dim):
+        if i == 3:
+            u, v, w = sign * own[0], sign * own[1], sign * own[2]
+        k = 3 * (i % 3)
+        seen.column[begin + i * width + e] = j
+        seen.J[begin + i * width + e] = frame[k] * u + frame[k + 1] * v + frame[k + 2] * w
+
+
+@kernel
+def fill_tangents(frame: Reals) -> None:
+    """Two tangents, right-handed, after the normal at the beginning of a frame (9,), as MuJoCo has them:
+    friction may differ along them. The first is next to the axis y, or to z where the normal is near y."""
+    x, y, z = frame[0], frame[1], frame[2]
+    if -0.5 < y < 0.5:
+        frame[3], frame[4], frame[5] = -y * x, 1.0 - y * y, -y * z
+    else:
+        frame[3], frame[4], frame[5] = -z * x, -z * y, 1.0 - z * z
+    length = math.sqrt(frame[3] * frame[3] + frame[4] * frame[4] + frame[5] * frame[5])
+    for i in range(3, 6):
+        frame[i] /= length
+    frame[6] = y * frame[5] - z * frame[4]
+    frame[7] = z * frame[3] - x * frame[5]
+    frame[8] = x * frame[4] - y * frame[3]
