@@ -275,15 +275,16 @@ def test_by_nothing_there_are_no_columns() -> None:
 
 
 def test_a_run_that_has_no_derivative_says_where_and_by_what(make: Make) -> None:
-    """A can comes down on its end: a tilt to either side puts it on another point of its rim."""
+    """A box comes down on one of its size: where it is moved, the nearer edges bound the contact."""
+    table = '<geom type="box" size=".1 .1 .1"/>'
     scene = make(
-        world(FLOOR, free("can", "0 0 .0501", 'type="cylinder" size=".1 .05"')),
-        parameters={"tilt": {"default": 0.0, "range": [-1, 1]}},
-        start={"velocities": {"can.rx": "tilt"}},
+        world(table, free("box", "0 0 .2001", 'type="box" size=".1 .1 .1"')),
+        parameters={"aside": {"default": 0.0, "range": [-1, 1]}},
+        start={"velocities": {"box.x": "aside"}},
     )
-    with pytest.raises(rw.ModelError, match=r"step \d+, from time .*feature is about to change.*by tilt"):
+    with pytest.raises(rw.ModelError, match=r"step \d+, from time .*feature is about to change.*by aside"):
         rw.run_sensitivity(scene, rw.DYNAMIC_COMPLIANT, steps=20, h=1e-3, wrt=("parameters",))
-    with pytest.raises(rw.ModelError, match=r"step \d+, from time .*feature is about to change.*by can.r"):
+    with pytest.raises(rw.ModelError, match=r"step \d+, from time .*feature is about to change.*by box.x"):
         rw.run_sensitivity(scene, rw.DYNAMIC_COMPLIANT, steps=20, h=1e-3)
 
 

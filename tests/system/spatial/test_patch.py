@@ -1,7 +1,7 @@
 """Distance, normal and contacts of two convex geoms.
 
-The distance along a unit normal is a lower bound, and that of two points of the geoms an upper one: where both
-are equal the distance is exact, whatever found it.
+The distance along a unit normal is a lower bound, and that of two points of the geoms an upper one: where
+both are equal the distance is exact, whatever found it.
 """
 
 from __future__ import annotations
@@ -208,10 +208,10 @@ PATCHES = {
                                 [[0.0, -0.1], [0.0, 0.1]]),
     "can on plate": (PLATE, 'type="cylinder" size=".05 .1"', UPRIGHT, 0.2,
                      [[0.05, 0.0], [-0.05, 0.0], [0.0, 0.05], [0.0, -0.05]]),
-    "can over a bar": ('type="box" size=".03 .3 .1"', 'type="cylinder" size=".05 .1"', UPRIGHT, 0.2,
-                       [[0.0, 0.05], [0.0, -0.05], [0.03, -0.04], [-0.03, 0.04]]),
-    "logs across": ('type="capsule" size=".05 .2"', 'type="capsule" size=".02 .2"', [1.0, 1.0, 0.0, 0.0], 0.27,
-                    [[0.0, 0.0]]),
+    "can over a bar": ('type="box" size=".03 .3 .1"', 'type="cylinder" size=".05 .1"', UPRIGHT,
+                       0.2, [[0.0, 0.05], [0.0, -0.05], [0.03, -0.04], [-0.03, 0.04]]),
+    "logs across": ('type="capsule" size=".05 .2"', 'type="capsule" size=".02 .2"', [1.0, 1.0, 0.0, 0.0],
+                    0.27, [[0.0, 0.0]]),
     "egg on plate": (PLATE, 'type="ellipsoid" size=".03 .05 .02"', UPRIGHT, 0.12, [[0.0, 0.0]]),
 }  # fmt: skip
 

@@ -26,8 +26,8 @@ DONE = 1e-14
 BELOW = 1e-10
 """Part of the smaller geom's size by which a piece that is not active may be nearer, by rounding."""
 LEFT = 1e-8
-"""Part of the smaller geom's size by which the nearest points may be beside each other: Newton's method leaves
-far less, unless a disc lies across the normal, whose points its rim does not tell."""
+"""Part of the smaller geom's size by which the nearest points may be beside each other: Newton's method
+leaves far less, unless a disc lies across the normal, whose points its rim does not tell."""
 
 
 class Active(Block):

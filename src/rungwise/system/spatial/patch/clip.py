@@ -38,8 +38,8 @@ EDGE = 1e-9
 """Part of the smaller geom's size by which a corner may be beyond an outline and count as within it, by
 rounding."""
 EVEN = 1e-5
-"""Part of the smaller geom's size by which depths are told apart where places are chosen, a tenth of the overlap
-that a rigid step may have: the choice does not change with what hardly matters."""
+"""Part of the smaller geom's size by which depths are told apart where places are chosen, a tenth of the
+overlap that a rigid step may have: the choice does not change with what hardly matters."""
 FARTHER = 1e-6
 """Part by which a place must be farther away than another to be chosen instead, for the same reason."""
 DISC, HALF_SPACE = -1, 0
