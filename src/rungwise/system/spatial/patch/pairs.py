@@ -8,9 +8,9 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, kernel
-from rungwise.system.spatial.patch.clip import Patch, allocate_patch, clip, keep
+from rungwise.system.spatial.patch.clip import EVEN, Patch, allocate_patch, clip, keep
 from rungwise.system.spatial.patch.normal import DEEP, GAIN, Room, allocate_room, guess, search
-from rungwise.system.spatial.patch.shapes import PLANE, Frames, Shapes, extent, separation, support
+from rungwise.system.spatial.patch.shapes import PLANE, Frames, Shapes, extent, separation
 
 FULL = -1
 """In place of a number of contacts: there is no room for them."""
@@ -46,21 +46,25 @@ def allocate_found(most: int) -> Found:
 @kernel
 def distance(a: int, b: int, within: float, shapes: Shapes, frames: Frames, scratch: Scratch) -> float:
     """The distance of two geoms, negative where they overlap; of those that are farther, a bound above
-    `within`. The normal is put into room.n, and the nearest points into room.ends."""
-    room = scratch.room
+    `within`. The normal is put into room.n, and the nearest points into room.ends: where sides lie along each
+    other the first contact that is nearly as near as any, so that they do not leap."""
+    room, patch, size = scratch.room, scratch.patch, min(shapes.inner[a], shapes.inner[b])
     if shapes.kind[a] == PLANE or shapes.kind[b] == PLANE:
         s = _over(a, b, shapes, frames, room)
-        g, own, other = (b, 1, 0) if shapes.kind[a] == PLANE else (a, 0, 1)
-        n, sign = room.n, 1.0 if own == 0 else -1.0
-        x, y, z, _ = support(g, sign * n[0], sign * n[1], sign * n[2], shapes, frames)
-        room.ends[own, 0], room.ends[own, 1], room.ends[own, 2] = x, y, z
-        for k in range(3):
-            room.ends[own, k] += sign * shapes.round[g] * n[k]
-            room.ends[other, k] = room.ends[own, k] + sign * s * n[k]
     else:
         s = guess(a, b, within, shapes, frames, room)
-        if s <= within:
-            s = search(a, b, s, shapes, frames, room)
+        if s > within:
+            return s
+        s = search(a, b, s, shapes, frames, room)
+    shared = clip(a, b, room.n, s, shapes, frames, patch)
+    for i in range(shared):
+        x, y, low, high = patch.places[i, 0], patch.places[i, 1], patch.places[i, 2], patch.places[i, 3]
+        if high - low <= s + EVEN * size:
+            for k in range(3):
+                place = x * patch.axes[0, k] + y * patch.axes[1, k] + 0.5 * (low + high) * room.n[k]
+                room.ends[0, k] = patch.origin[k] + place - 0.5 * s * room.n[k]
+                room.ends[1, k] = patch.origin[k] + place + 0.5 * s * room.n[k]
+            break
     return s
 
 
