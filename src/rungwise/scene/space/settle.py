@@ -35,7 +35,8 @@ ROUGH = 5e-5
 """Gap of meshes over the model's size that is left beside others: their depths are known less well. Chosen by
 trial."""
 EXACT, SEARCHES = 1e-10, 200
-"""Error of MuJoCo's search for the nearest points of two convex geoms, and its iterations: as in runs."""
+"""Error of MuJoCo's search for the nearest points of two convex geoms, and its iterations: its own, 1e-6 and
+35, are as great as the overlap that rigid contacts allow. Chosen by trial."""
 BEYOND = 0.05
 """Part of an overlap by which bodies are asked to part beyond it: what collision finds of meshes is rough."""
 ROUNDED = 1e-6
@@ -294,8 +295,7 @@ class _Search:
 
     def _constraints(self, q: Reals) -> tuple[Reals, Reals, NDArray[np.bool_], NDArray[np.bool_]]:
         """Rows (k, n) at q (n_q,), what each is off (k,), and which are equalities and contacts (k,). Nearest
-        points are contacts besides where contacts of faces miss them, as `system.spatial.missed_contacts`
-        says of runs."""
+        points are contacts besides where MuJoCo's contacts of faces miss them."""
         rows, off, equal, contact = self._found(q)
         if not self.is_faced:
             return rows, off, equal, contact

@@ -92,7 +92,7 @@ def step_sensitivity(
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
         deformation: (slots, d) of contacts at the start, as `Workspace.state` has it; none if not given. In
-            space slots are in the order in which MuJoCo finds contacts at q, in its frames.
+            space slots are in the order in which contacts are found at q, in their frames.
         time: at the start of the step, for numbers that depend on time.
 
     Raises:

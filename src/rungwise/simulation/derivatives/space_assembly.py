@@ -1,6 +1,6 @@
 """Steps of a scene in space, and the problems that they assemble with discrete choices held.
 
-MuJoCo gives no derivatives of gaps and frames of contacts, but a step can be assembled at another state with
+Gaps and frames of contacts come without derivatives, but a step can be assembled at another state with
 its contacts matched by their features (`system.spatial.features`). The problems of the step itself are noted
 while the core takes it, one for each place where it was linearised.
 """

@@ -1,6 +1,6 @@
 """Contacts in space: rows, laws, and the features that carry forces and deformations from step to step.
 
-MuJoCo finds contacts anew at each state and turns their frames as it likes. A feature is a contact of the
+Contacts are found anew at each state. A feature is a contact of the
 same two geoms near the same place on their bodies; its slot keeps the first tangent in the frames of both
 bodies, and the tangent at the next state is the mean of the two, so that deformations turn with the bodies.
 """
@@ -27,7 +27,7 @@ step."""
 
 
 SAME = 0.05
-"""Within this part of the distance no other contact is nearer; MuJoCo mostly keeps the order of contacts."""
+"""Within this part of the distance no other contact is nearer; the order of contacts mostly stays."""
 BLUNT = 1e-5
 """Motion of a contact along one of its directions, over its motion along the others by the same velocity,
 that is an error of the direction: normals of meshes err by 1e-6. Chosen by trial, to a decade."""
@@ -253,7 +253,7 @@ def _fill_rows(
 
 @inner_kernel
 def _turn_rows(c: int, k: int, along: float, across: float, seen: Seen, d: int, terms: Terms) -> None:
-    """Fill the rows of contact k with MuJoCo's, with tangents turned."""
+    """Fill the rows of contact k with those that are seen, with tangents turned."""
     J, first, begin = seen.J, seen.address[c], seen.first[seen.address[c]]
     for e in range(seen.entries[first]):
         j = seen.column[begin + e]
@@ -288,7 +288,7 @@ def _clear_blunt(c: int, k: int, seen: Seen, d: int, terms: Terms) -> None:
 def _tell_skew(
     c: int, k: int, along: float, across: float, seen: Seen, solids: Solids, d: int, terms: Terms
 ) -> None:
-    """Let rows of slip be those in which friction that differs along MuJoCo's two tangents is a disc."""
+    """Let rows of slip be those in which friction that differs along its two tangents is a disc."""
     slide, other, _, _, _ = _frictions(c, seen, solids)
     if slide != other:
         unit = max(slide, other)
@@ -300,7 +300,7 @@ def _tell_skew(
 
 @inner_kernel
 def _between(one: float, two: float, along: float, across: float) -> tuple[float, float, float]:
-    """The symmetric matrix with these values along MuJoCo's two tangents, in the tangents of a contact."""
+    """The symmetric matrix with these values along the two tangents that are seen, in those of a contact."""
     return (
         one * along * along + two * across * across,
         (two - one) * along * across,
@@ -337,7 +337,7 @@ def _weigh(
 
 @kernel
 def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features) -> tuple[float, float]:
-    """Parts of MuJoCo's two tangents in the feature's first tangent, which has turned with both bodies."""
+    """Parts of the two tangents that are seen in a feature's first one, which has turned with both bodies."""
     along, across = 0.0, 0.0
     for side in range(2):
         b = solids.body[geom[side]]

@@ -1,6 +1,6 @@
 """Bodies of a MuJoCo model as a system that the core takes steps of (see `system.moving`).
 
-MuJoCo gives places, inertia, loads, and rows and gaps of contacts, limits, equalities and tendons at (q, v);
+MuJoCo gives places, inertia, loads, and rows of limits, equalities and tendons at (q, v), `patch` contacts;
 all forces of contacts, limits, equalities, dry friction and servos are found by the models.
 """
 

@@ -53,12 +53,12 @@ def first_free(
     within = max(float(kept.max(initial=0.0)), wanted.exact)
     for found in posed:
         least = around.least(found, pairs, within)
-        if not least[0] < wanted.exact:
+        if not abs(least[0]) < wanted.exact:
             continue
         if not (least[1:] >= kept).all() and arm is not None:
             found = cleared(around, arm, found, wanted, avoided, kept)
             least = around.least(found, pairs, within)
-            if not least[0] < wanted.exact:
+            if not abs(least[0]) < wanted.exact:
                 continue
         if (least[1:] >= kept).all():
             return found
