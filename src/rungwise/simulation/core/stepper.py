@@ -33,6 +33,7 @@ from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solv
 from rungwise.simulation.core.tolerances import (
     DRIVEN,
     LINEARISATIONS,
+    MAX_HALVINGS,
     NEAR,
     PAUSE,
     ROUNDING,
@@ -153,6 +154,7 @@ class Stepper:
         """
         asked, landed, self._fall.follows, self._told = False, False, tol < math.inf, math.nan
         planned = h = self._until_edge(h)
+        shortest = math.ldexp(h, -MAX_HALVINGS)
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -170,9 +172,8 @@ class Stepper:
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             stuck = min(STUCK * self.system.size.length, self.system.size.thin)
-            if status == UNSUPPORTED or moved < (
-                STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
-            ):
+            still = STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
+            if status == UNSUPPORTED or moved < still or h <= shortest:
                 if self._explain(status, asked):
                     return h
                 asked = True
@@ -293,7 +294,7 @@ class Stepper:
         size = self.system.size
         if self.rung.compliant and way <= STUCK * size.length:
             return True
-        least = least_allowed(self.rung, size, self._tried(h), v, way, before)
+        least = least_allowed(self.rung, size, self._tried(h), v, way, before, self.step)
         return self.system.least_gap(self._trial) >= least
 
     def _begin(self, h: float) -> None:
