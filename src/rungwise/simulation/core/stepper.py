@@ -367,14 +367,14 @@ class Stepper:
         """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
         unless it was asked before, solves the step: its forces are the forces to start from."""
         clock, terms, state = self.clock, self.terms, self.state
-        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
-        if not np.isfinite(problem.c).all():
+        if not np.isfinite(self.problem.c[: int(clock["free"])]).all():
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
             return True
         slow, outcome = self.rung.inertia == 0.0 and self.rung.loads, Code.UNSUPPORTED
-        if status == UNSUPPORTED:
-            self.certificate = self._unsupported(False)
-        else:
+        if status == UNSUPPORTED or self._leaping > 0.0:  # to ask for solutions takes far longer
+            self.certificate = self._unsupported(status != UNSUPPORTED)
+        if status != UNSUPPORTED and self.certificate is None:
+            problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate, solved = ask(problem, terms, state, self.scratch, self.deadline)
             if solved and not asked:
