@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.solver.settings import NOTHING
 from rungwise.contact.step import (
     NO_SOLUTION,
     OPEN,
@@ -79,7 +80,7 @@ def _solve_or_hold(trial: Trial) -> int:
         copy(scratch.v_new, scratch.other[:-1])
     held = _solve_with_care(trial, True) == SUPPORTED
     if held and doubtful:
-        held = _is_still(scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
+        held = _is_still(trial, scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
     if doubtful and not held:
         return _solve_with_care(trial, False)
     if held and first:
@@ -116,16 +117,19 @@ def _starts(trial: Trial) -> bool:
     closed = False
     for k in range(contacts):
         closed |= terms.gap[k] <= terms.rounding[0]
-    rested = _is_still(state.v) and _is_still(state.speed)
-    return bool(closed and rested and not _is_still(scratch.v_new))
+    rested = _is_still(trial, state.v) and _is_still(trial, state.speed)
+    return bool(closed and rested and not _is_still(trial, scratch.v_new))
 
 
 @kernel
-def _is_still(v: Reals) -> bool:
-    still = True
+def _is_still(trial: Trial, v: Reals) -> bool:
+    """Whether nothing moves but for rounding beside what loads would cause in the step: contacts whose levers
+    are rounding turn bodies about axes that nothing resists."""
+    terms, moves, falls = trial.terms, 0.0, 0.0
     for i in range(v.shape[0]):
-        still &= v[i] == 0.0
-    return bool(still)
+        weight = math.sqrt(terms.inertia[i, i])
+        moves, falls = max(moves, weight * abs(v[i])), max(falls, weight * abs(terms.fall[i]))
+    return bool(moves <= NOTHING * trial.h * falls)
 
 
 @kernel
