@@ -9,10 +9,9 @@ certificate.
 from __future__ import annotations
 
 from rungwise.contact.solver.kinds.cone import KIND as CONE
-from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
-from rungwise.contact.solver.modes.exertion import WEDGED, exertion
 from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
+from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.solver.settings import BY_PATHS, FROM_GIVEN
 from rungwise.contact.step.modes import OPEN, STICK, clear
 from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Surfaces, Unknowns
@@ -64,10 +63,9 @@ def solve_problem(
             forces, v = room.matrix[room.matrix.shape[0] - 2], room.matrix[room.matrix.shape[0] - 3]
             collect(sizes, unknowns, forces, v)
             found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
-            near = found <= NEAR and exertion(problem, sizes, unknowns) <= WEDGED
-            if near and found <= EXACT:
+            if found <= EXACT:
                 return SOLVED, found, GUESS
-            if not near:
+            if found > NEAR:
                 spread(sizes, forces, v, unknowns)
     # Where all modes are tried afterwards, paths would only delay the verdict that there is no solution.
     touching = not by_modes or mode_count(problem, sizes, False) > MAX_MODES
@@ -79,10 +77,10 @@ def solve_problem(
         return status, found, stage
     if mode_count(problem, sizes, touching) <= MAX_MODES:
         found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
-        if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
+        if found <= TOLERANCE:
             return SOLVED, found, SEARCH
         clear(2, sizes, unknowns)
-        found = residual(problem, sizes, unknowns)
+        found = residual_of_rows(problem, sizes, unknowns, room.matrix)
     return NO_SOLUTION, found, SEARCH
 
 

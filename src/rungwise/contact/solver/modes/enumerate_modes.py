@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.modes.dense_residual import residual
 from rungwise.contact.solver.modes.mode_newton import solve_mode
+from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints, inner_kernel, kernel
@@ -64,7 +64,7 @@ def solve_by_enumeration(
         if _repeats(problem, sizes, mode) or _holds_too_much(problem, sizes, mode):
             continue
         solve_mode(problem, sizes, unknowns, room)
-        found = residual(problem, sizes, unknowns)
+        found = residual_of_rows(problem, sizes, unknowns, room.matrix)
         best = min(best, found)
         if found <= tolerance:
             return found

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.linear import solve_in_place
-from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
@@ -45,7 +45,7 @@ def solve_by_modes(
             break
         if not flip(problem, sizes, unknowns, still, still, contacts + limited):
             break
-    return residual(problem, sizes, unknowns)
+    return residual_of_rows(problem, sizes, unknowns, room.matrix)
 
 
 @kernel
