@@ -17,7 +17,16 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import cone, forces_of, free, interval, nothing, restricts_rates, violation, worse
+from rungwise.contact.solver.kinds import (
+    cone,
+    forces_of,
+    free,
+    interval,
+    nothing,
+    restricts_rates,
+    violation,
+    worse,
+)
 from rungwise.contact.solver.settings import WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import Reals, inner_kernel, kernel, rare_kernel
@@ -170,10 +179,10 @@ def _unbalanced(worst: float, lacks: float, most: float) -> float:
 
 @kernel
 def residual_of_rows(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, scratch: Reals) -> float:
-    """The same of a step's problem as it stands, contacts with Coulomb's cone and limited rows: for guesses
-    of modes, whose few rows take longer to sort into groups than to judge. inf also where forces exceed by
-    far what the problem calls for. scratch (3, rows and some) then has the rates in its first row, and in
-    the second by how much a row's own force, one, changes its rate."""
+    """The same of a step's problem as it stands, as a whole, contacts with Coulomb's cone and limited rows:
+    for guesses of modes, whose few rows take longer to sort into groups than to judge. inf also where forces
+    exceed by far what the problem calls for. scratch (3, rows and some) then has the rates in its first row,
+    and in the second by how much a row's own force, one, changes its rate."""
     n, contacts, limited = sizes
     _, v, force, tau = unknowns
     d, y, own = p.R.shape[1], scratch[0], scratch[1]

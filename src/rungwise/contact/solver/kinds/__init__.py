@@ -79,7 +79,7 @@ def nothing(d: int, x: Reals, y: Reals) -> float:
     """0, or not a number where something is not finite, which min and max may drop."""
     total = 0.0
     for i in range(d):
-        total += 0.0 * (x[i] + y[i])
+        total += 0.0 * (float(x[i]) + float(y[i]))
     return total
 
 
