@@ -28,6 +28,7 @@ from rungwise.contact.solver.settings import (
     ENOUGH,
     FASTER,
     FINEST,
+    GIVEN,
     GOAL,
     GUESS,
     GUESSES,
@@ -43,6 +44,7 @@ from rungwise.contact.solver.settings import (
     SLOW,
     SLOWER,
     SMOOTH,
+    STARTS,
     STEPS,
     WEDGED,
     WEIGHT,
@@ -57,8 +59,8 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 @kernel
 def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
     """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
-    when halt (1,) is set. count (5,): Newton steps, proximal problems, starts before the last; and Newton
-    steps and starts at most."""
+    when halt (1,) is set. count (4,): Newton steps, proximal problems, starts before the last; and Newton
+    steps at most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
     room.least[0] = math.inf
@@ -66,18 +68,17 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
     found = measure(g, x, v, room)
     if found <= NOTHING:
         return float(found)
-    for start in range(count[4]):
+    for start in range(STARTS):
         if room.least[0] <= TOLERANCE or _ends(halt, count):
             break
         count[2] = start
         by = BY_ITERATE if start % 3 == 0 else BY_PROBLEM
-        if start < 2:
+        if start < GIVEN:
             copy(room.first_x, x)
             copy(room.first_v, v)
         else:
             _clear(x)
             _clear(v)
-        if start >= 2:
             _follow(g, by, x, v, room, halt, count)
         _approach(g, by, start == 0, x, v, room, halt, count)
     copy(room.best_x, x)
@@ -289,7 +290,7 @@ def _approach(
     """The proximal point method from (x, v); `bare`: forces alone are held."""
     xc, vc = room.centre_x, room.centre_v
     least, weight, held, falls, since = _note(g, x, v, room), WEIGHT, 0, True, count[0]
-    bare, tried = False, False
+    bare, tried, found = False, False, 0.0
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
@@ -324,7 +325,9 @@ def _approach(
             copy(vc, v)
             reached = descend(g, weight, 0.0, LENGTHS, STEPS, goal, x, v, xc, vc, room, halt, count)
         falls = False
-        found = _note(g, x, v, room)
+        diverged, found = found == math.inf, _note(g, x, v, room)
+        if diverged and found == math.inf:
+            break
         if guess:
             bare, tried = False, room.least[0] <= ENOUGH
         if found > ENOUGH and not reached <= enough:

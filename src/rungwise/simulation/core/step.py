@@ -8,7 +8,6 @@ from rungwise.contact.solver.settings import NOTHING
 from rungwise.contact.step import (
     NO_SOLUTION,
     OPEN,
-    SEARCH,
     SOLVED,
     STICK,
     ContactProblem,
@@ -283,7 +282,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         note_start(problem, sizes, scratch)
     status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
-    if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):
+    if noted and (status != SOLVED or notes_all(scratch)):
         note(problem, sizes, terms.surface, status, stage, state, scratch)
     return status
 
