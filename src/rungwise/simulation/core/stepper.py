@@ -27,7 +27,7 @@ from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
-from rungwise.simulation.core.overlap import least_allowed, open_added
+from rungwise.simulation.core.overlap import crushes, least_allowed, open_added
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import (
@@ -294,7 +294,7 @@ class Stepper:
         size = self.system.size
         if self.rung.compliant and way <= STUCK * size.length:
             return True
-        least = least_allowed(self.rung, size, self._tried(h), v, way, before, self.step)
+        least = least_allowed(self.rung, size, self._tried(h), v, way, before)
         return self.system.least_gap(self._trial) >= least
 
     def _begin(self, h: float) -> None:
@@ -364,11 +364,16 @@ class Stepper:
             self.outcome = Code.NOT_CONVERGED
 
     def _explain(self, status: int, asked: bool) -> bool:
-        """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
-        unless it was asked before, solves the step: its forces are the forces to start from."""
+        """Set the outcome: a contact that yields too much, a jam or a missing support if proved, else not
+        converged. False where `rw.solve`, unless it was asked before, solves the step: its forces are the
+        forces to start from."""
         clock, terms, state = self.clock, self.terms, self.state
         if not np.isfinite(self.problem.c[: int(clock["free"])]).all():
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
+            return True
+        tried = self._tried(float(clock["tried"]))
+        if self._cause in (OVERLAPPING, FAR) and crushes(self.rung, self.system.size, tried):
+            self.outcome = Code.MODEL_INVALID
             return True
         slow, outcome = self.rung.inertia == 0.0 and self.rung.loads, Code.UNSUPPORTED
         if status == UNSUPPORTED or self._leaping > 0.0:  # to ask for solutions takes far longer
