@@ -20,6 +20,10 @@ by trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold 
 STIR = 1e3
 """Motion in a step, over the rounding of positions, from which on something under load no longer rests.
 Chosen by trial, to a decade."""
+HOVERS, HIDDEN, ROUNDED = 1e5, 1e-5, 2e-16
+"""Roundings of positions by which the rounding of forces, of which the last is a part, may move a rigid
+body in a step; the part of the other resistances that inertia may be for this. Chosen by trial, to a decade;
+tests/simulation/test_faint.py and tests/simulation/spatial/test_pressed.py hold them."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
 of the forces that balance the greatest. Chosen by trial, to a decade."""
@@ -81,7 +85,21 @@ def limit_inertia(
         pace = fastest * _reach(terms.limited, r, terms, n, free)
         if terms.limit[r] > 0.0 and pace > 0.0:
             least = min(least, terms.limit[r] * mobility / pace)
-    return min(1.0, LIMIT * least * h)
+    eps = LIMIT * least * h
+    if not rung[0].compliant and least < math.inf:
+        eps = max(eps, min(_unmoved(h, terms, n, free), HIDDEN * least * h))
+    return min(1.0, eps)
+
+
+@kernel
+def _unmoved(h: float, terms: Terms, n: int, free: Ints) -> float:
+    """The least eps with which the rounding of forces as great as the greatest load moves no body by more
+    than `HOVERS` roundings of positions in the step."""
+    lightest = math.inf
+    for i in range(n):
+        lightest = min(lightest, terms.heft[free[i], INERTIA] / terms.heft[free[i], METRIC])
+    noise = ROUNDED * greatest_load(terms, n, free)[0]
+    return noise * h * h / (lightest * HOVERS * float(terms.rounding[0]))
 
 
 @kernel
