@@ -194,7 +194,7 @@ FAULTS = (
     ),
     Fault(
         "unbalanced-share", "src/rungwise/simulation/core/step.py",
-        "_UNBALANCED = (LIMIT, 1e-6, 1e-4)", "_UNBALANCED = (LIMIT, 1e-1, 1e-1)", _CORE,
+        "_UNBALANCED = 1e-4", "_UNBALANCED = 1e-1", _CORE,
         "inertia may carry a tenth of the load where there is none", True,
     ),
     # Steps of controlled length.
