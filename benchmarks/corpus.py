@@ -37,7 +37,6 @@ from piles import pyramid
 import rungwise as rw
 from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.problem import solve_problem
-from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step import (
     GUESS,
@@ -267,10 +266,10 @@ def step(note: Note, start: Unknowns) -> Answer:
 
 
 def groups(note: Note, start: Unknowns) -> Answer:
-    """The contact solver alone, without guess and search of modes."""
+    """The contact solver alone, without the guess of modes."""
     halt = np.zeros(1, np.int64)
     status, _, _, steps = solve_groups(
-        note.problem, sizes_of(note), start, CONE, BY_PATHS, surfaces_of(note), NOWHERE, NOWHERE, halt
+        note.problem, sizes_of(note), start, CONE, surfaces_of(note), NOWHERE, NOWHERE, halt
     )
     return Answer(status == SOLVED, start, steps)
 

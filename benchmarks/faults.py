@@ -85,13 +85,14 @@ FAULTS = (
         ("tests/contact/test_spatial.py",), "the judge of groups knows half the friction",
     ),
     Fault(
-        "residual-half-cone", "src/rungwise/contact/solver/modes/dense_residual.py",
-        "radius = p.mu[k] * max(normal, 0.0)", "radius = 0.5 * p.mu[k] * max(normal, 0.0)",
+        "residual-of-rows-half-cone", "src/rungwise/contact/solver/residual.py",
+        "law[0] = p.mu[k]", "law[0] = 0.5 * p.mu[k]",
         ("tests/contact/test_residual.py",), "the disc of friction has half its radius",
     ),
     Fault(
-        "limit-reached-one-way", "src/rungwise/contact/solver/modes/dense_residual.py",
-        "min(max(x - opens, -bound), bound)", "max(x - opens, -bound)",
+        "limit-reached-one-way", "src/rungwise/contact/solver/residual.py",
+        "law[0], law[1], a[0], is_free = -p.F[m], p.F[m],",
+        "law[0], law[1], a[0], is_free = -p.F[m], math.inf,",
         ("tests/contact/test_residual.py",), "a drive has no limit in one direction",
     ),
     Fault(
@@ -193,7 +194,7 @@ FAULTS = (
     ),
     Fault(
         "unbalanced-share", "src/rungwise/simulation/core/step.py",
-        "_UNBALANCED = (LIMIT, 1e-6, 1e-4)", "_UNBALANCED = (LIMIT, 1e-1, 1e-1)", _CORE,
+        "_UNBALANCED = 1e-4", "_UNBALANCED = 1e-1", _CORE,
         "inertia may carry a tenth of the load where there is none", True,
     ),
     # Steps of controlled length.

@@ -51,7 +51,7 @@ def repeat(
 def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
     """Microseconds of one compiled solve from `start`; None if it does not converge."""
     s, x, enough = system, np.empty(system.size), np.array([1e15])
-    times, halt, count = max(1, 400_000 // s.size**2), np.zeros(1, np.int64), np.zeros(5, np.int64)
+    times, halt, count = max(1, 400_000 // s.size**2), np.zeros(1, np.int64), np.zeros(4, np.int64)
     arguments = s.form.entries, s.b, s.laws, start, x, enough, halt, count
     repeat(*arguments, 1)
     if natural(s, x) > TOL:

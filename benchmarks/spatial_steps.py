@@ -32,7 +32,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.solver.kinds.cone import KIND as CONE
-from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import NO_SURFACES, SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem
@@ -198,7 +197,6 @@ class Space:
             Sizes(m.nv, k, len(p.F)),
             Unknowns(modes, v, flat, tau),
             CONE,
-            BY_PATHS,
             NO_SURFACES,
             EVERYWHERE,
             EVERYWHERE,

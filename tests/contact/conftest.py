@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rungwise.contact.solver.guess import solve_by_modes, solve_mode
 from rungwise.contact.solver.kinds.cone import KIND as CONE
-from rungwise.contact.solver.modes.dense_residual import residual
-from rungwise.contact.solver.modes.enumerate_modes import solve_by_enumeration
-from rungwise.contact.solver.modes.mode_newton import solve_by_modes
 from rungwise.contact.solver.problem import solve_problem
-from rungwise.contact.solver.settings import BY_PATHS
+from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.solver.step import solve_groups
-from rungwise.contact.step import NO_SURFACES, TOLERANCE, matrix_size
+from rungwise.contact.step import FORWARD, NO_SURFACES, OPEN, STICK, TOLERANCE, matrix_size
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
 
 Array = NDArray[np.float64]
@@ -98,13 +97,28 @@ def _measure(
     contacts, limited = len(problem.mu), len(problem.F)
     arrays = [np.array(x, float) for x in (v, force, tau)]
     found = Unknowns(np.ones(contacts + limited, np.int64), *arrays)
-    return float(residual(problem, Sizes(len(problem.c), contacts, limited), found))
+    scratch = np.zeros((3, contacts * problem.R.shape[1] + limited + 12))
+    return float(residual_of_rows(problem, Sizes(len(problem.c), contacts, limited), found, scratch))
 
 
 @pytest.fixture
 def measure() -> Callable[..., float]:
     """measure(problem, v, force, tau): the residual."""
     return _measure
+
+
+def _enumerate(p: ContactProblem, sizes: Sizes, out: Unknowns, room: Elimination) -> bool:
+    """Whether some mode's linear system solves the problem, into `out`: four modes of a contact, three of a
+    limited row."""
+    contacts, limited = sizes.contacts, sizes.limited
+    held = [range(OPEN, OPEN + 4) if mu > 0.0 else (OPEN, FORWARD) for mu in p.mu]
+    held += [range(STICK, STICK + 3) if np.inf > F else (STICK,) for F in p.F]
+    for modes in product(*held):
+        out.mode[: contacts + limited] = modes
+        solve_mode(p, sizes, out, room)
+        if residual_of_rows(p, sizes, out, room.matrix) <= TOLERANCE:
+            return True
+    return False
 
 
 def _run(
@@ -125,12 +139,12 @@ def _run(
     if solver == "planar":
         status, _, _ = solve_problem(p, sizes, out, NO_SURFACES, nowhere, nowhere, room, halt)
     elif solver == "groups":
-        status, _, _, _ = solve_groups(p, sizes, out, CONE, BY_PATHS, NO_SURFACES, nowhere, nowhere, halt)
+        status, _, _, _ = solve_groups(p, sizes, out, CONE, NO_SURFACES, nowhere, nowhere, halt)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves, halt)
     else:
-        status = int(solve_by_enumeration(p, sizes, out, room, False, TOLERANCE) > TOLERANCE)
-    found = residual(p, sizes, out)
+        status = int(not _enumerate(p, sizes, out, room))
+    found = residual_of_rows(p, sizes, out, room.matrix)
     return int(status), Candidate(out.v, out.force, out.tau, float(found), modes)
 
 

@@ -262,6 +262,26 @@ def test_no_certificate_and_no_error_beyond_floating_point(body, kind, value, na
         assert certify_unsupported(p, np.zeros_like(p.H)) is None or name == "H"
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("directions", [2, 3, 6])
+def test_what_slides_against_friction_in_coordinates_of_its_contact_is_unsupported(body, directions, seed):
+    """No row joins the coordinates, but the contact does: to slide is only a proof with a lift that friction
+    cannot resist; as much friction as the load asks holds it."""
+    rng = np.random.default_rng(seed)
+    p = body(directions, 1, 0, directions)
+    scale = 10.0 ** rng.uniform(-2.0, 2.0, directions)
+    p.W[:] = np.diag(scale)
+    p.c[0], p.mu[0] = -scale[0] * 10.0 ** rng.uniform(-2.0, 2.0), rng.uniform(0.1, 1.5)
+    heading = rng.normal(size=directions - 1)
+    p.c[1:] = scale[1:] * heading / np.linalg.norm(heading) * p.mu[0] * -p.c[0] / scale[0]
+    still = np.zeros((directions, directions))
+    for part, proved in ((1.5, True), (0.9, False)):
+        p.c[1:] *= part
+        found = certify_unsupported(p, still)
+        assert (found is not None and found.kind == "unsupported" and check(p, found, still)) == proved
+        p.c[1:] /= part
+
+
 def test_the_checker_imports_no_solver():
     tree = ast.parse(inspect.getsource(module))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]

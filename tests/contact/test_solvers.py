@@ -8,7 +8,6 @@ import pytest
 from rungwise.contact.certify import certify_infeasible
 from rungwise.contact.judge.certificate import check
 from rungwise.contact.solver.kinds.cone import KIND as CONE
-from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import NO_SURFACES, SOLVED, TOLERANCE, Sizes, Unknowns
 from rungwise.contact.step.modes import natural_units, yielding
@@ -253,7 +252,7 @@ def test_light_bodies_keep_nothing_of_where_the_solver_began(body, pace):
     v, nowhere = pace * np.eye(6)[0], np.empty((0, 4), np.int64)
     found = Unknowns(np.zeros(1, np.int64), v, np.zeros(3), np.zeros(0))
     status, _, _, _ = solve_groups(
-        p, Sizes(6, 1, 0), found, CONE, BY_PATHS, NO_SURFACES, nowhere, nowhere, np.zeros(1, np.int64)
+        p, Sizes(6, 1, 0), found, CONE, NO_SURFACES, nowhere, nowhere, np.zeros(1, np.int64)
     )
     assert status == SOLVED and found.force[0] == pytest.approx(9.81)
     np.testing.assert_allclose(found.v[[0, 1, 3, 4, 5]], 0.0, atol=1e-8)

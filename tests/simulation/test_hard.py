@@ -25,7 +25,7 @@ THROWN = {
     "v1": 0.5528988207952464, "v2": 1.9534689834990235, "mu": 1.334903333580781,
     "restitution": 0.7401364447887634, "angle": -0.00680410590533706, "x": -0.026762708036069616,
 }  # fmt: skip
-"""Four fingers: steps without solution, and some solved by pivoting."""
+"""Four fingers: steps without solution."""
 
 
 @pytest.fixture
@@ -34,8 +34,8 @@ def notes(monkeypatch: pytest.MonkeyPatch) -> dict[Path, Note]:
     kept: dict[Path, Note] = {}
     write = hard.HardSteps._write
 
-    def noting(self: hard.HardSteps, index: int, note: Note, outcome: str) -> Path | None:
-        file = write(self, index, note, outcome)
+    def noting(self: hard.HardSteps, index: int, note: Note, *outcome: str) -> Path | None:
+        file = write(self, index, note, *outcome)
         if file is not None:
             kept[file] = note
         return file
@@ -70,16 +70,10 @@ def test_saved_problem_has_the_verdict_of_the_step(
 
 
 @pytest.mark.long
-def test_a_step_that_took_pivoting_has_its_velocities_again(tmp_path: Path, notes: dict[Path, Note]) -> None:
+def test_steps_without_solution_are_jammed(tmp_path: Path, notes: dict[Path, Note]) -> None:
     rw.simulate("four_finger", rw.DYNAMIC_RIGID, parameters=THROWN, duration=1.2, save_hard=tmp_path)
-    solved = [file for file in notes if "pivoting" in file.name or "enumeration" in file.name]
-    for file, note in notes.items():
-        again = rw.solve(rw.read_problem(file))
-        assert again.status == ("solved" if file in solved else "jammed"), file.name
-        if file in solved:
-            np.testing.assert_allclose(
-                again.v[: len(note.problem.c)], note.answer.v, atol=1e-8 * np.abs(note.answer.v).max()
-            )
+    for file in notes:
+        assert rw.solve(rw.read_problem(file)).status == "jammed", file.name
     assert notes
 
 

@@ -104,11 +104,12 @@ def certify_or_balance(
 
 
 def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
-    """Coordinates (n,) of each part that no row joins to another: the loads of one part do not bear on
-    another."""
+    """Coordinates (n,) of each part that no row joins to another, and no contact, whose friction is as great
+    as it presses: the loads of one part do not bear on another."""
     from scipy.sparse.csgraph import connected_components
 
-    rows = np.vstack([problem.W, problem.S, resisting]) != 0.0
+    touched = problem.W.reshape(-1, problem.R.shape[1], len(problem.c)).any(axis=1)
+    rows = np.vstack([touched, problem.S, resisting]) != 0.0
     count, part = connected_components(rows.T.astype(int) @ rows, directed=False)
     return [part == k for k in range(count)]
 

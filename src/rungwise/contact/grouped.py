@@ -27,7 +27,7 @@ from rungwise.contact.solver.groups import (
 from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.kinds import cone, free, interval
 from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import BY_PATHS, WIDE
+from rungwise.contact.solver.settings import WIDE
 from rungwise.contact.solver.solve import solve
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -274,7 +274,7 @@ def _solve_island(
     for i in range(part.n):
         here.v[i] = x[first + own[i]] / g.unit[i]
     cost, before = multiplications(blocks, part.n), count[0]
-    count[3], count[4] = before + int(max(work[0], 0.0) / cost), BY_PATHS
+    count[3] = before + int(max(work[0], 0.0) / cost)
     found = solve(g, here.x, here.v, here, halt, count)
     work[0] -= cost * (count[0] - before)
     for r in range(part.rows):

@@ -114,7 +114,7 @@ def _search(system: System, start: Array, tol: float, work: Array, nodes: int, d
         if p is not None:
             excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
-            trial, count = x.copy(), np.zeros(5, np.int64)
+            trial, count = x.copy(), np.zeros(4, np.int64)
             A = system.form.entries
             solve_grouped(A, A, system.b, system.laws, 0, 0.0, trial, work, deadline.halt, count)
             for candidate in (x, trial):

@@ -232,7 +232,7 @@ class _Solve:
         if not is_balance(rows, p.laws, p.velocities):
             return self._as_it_is(start)
         quantum = 0.0 if self.assembled is None else float(self.assembled.quantum[0])
-        columns, count = compressed(sp.csr_array(p.A.T)), np.zeros(5, np.int64)
+        columns, count = compressed(sp.csr_array(p.A.T)), np.zeros(4, np.int64)
         solve_grouped(
             rows, columns, p.b, p.laws, p.velocities, quantum, x, self.work, self.deadline.halt, count
         )
@@ -252,7 +252,7 @@ class _Solve:
 
     def _iterate(self, system: System, x: Array) -> None:
         """Solve from scaled x, into it."""
-        count, A = np.zeros(5, np.int64), system.form.entries
+        count, A = np.zeros(4, np.int64), system.form.entries
         solve_grouped(A, A, system.b, system.laws, 0, 0.0, x, self.work, self.deadline.halt, count)
         self.attempts.append(Attempt("solver", int(count[0]), natural(system, x)))
 

@@ -17,17 +17,13 @@ from rungwise.system.terms import INERTIA, METRIC, Terms
 LIMIT = 1e-8
 """Inertia in the limit eps -> 0+, relative to the other resistances to motion. As the constants below, chosen
 by trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold them."""
-FAINT = 1e-3
-"""Damping that resists less than this part of the softest contact, as rates, leaves undecided motions to
-inertia: so far below the stiffness damping would be lost in the rounding of contact forces. Chosen by trial,
-to a decade."""
 STIR = 1e3
 """Motion in a step, over the rounding of positions, from which on something under load no longer rests.
 Chosen by trial, to a decade."""
 HOVERS, HIDDEN, ROUNDED = 1e5, 1e-5, 2e-16
-"""Roundings of positions by which the rounding of forces, of which the last is a part, may move a rigid body
-in space in a step; the part of the other resistances that inertia may be for this. Chosen by trial, to a
-decade; tests/simulation/spatial/test_pressed.py holds them."""
+"""Roundings of positions by which the rounding of forces, of which the last is a part, may move a rigid
+body in a step; the part of the other resistances that inertia may be for this. Chosen by trial, to a decade;
+tests/simulation/test_faint.py and tests/simulation/spatial/test_pressed.py hold them."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
 of the forces that balance the greatest. Chosen by trial, to a decade."""
@@ -45,14 +41,12 @@ def limit_inertia(
     n: int,
     free: Ints,
     speed: Reals,
-    landing: bool,
 ) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
     Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
     over inertia, a row's resistance times the row's yield to a force, a load over the momentum of the fastest
-    motion demanded. Damping that is faint beside other damping or the loads does not count. With `landing` it
-    counts, and eps is so small that a body that closes any gap within the step still needs no force for this,
+    motion demanded. eps is so small that a body that closes any gap within the step needs no force for this,
     nor a body that moves against the faintest damping. Without loads, damping, servos and compliance the
     limit does not depend on eps, and 1 is exact.
     """
@@ -69,28 +63,20 @@ def limit_inertia(
         heaviest = max(heaviest, terms.heft[a, INERTIA] / terms.heft[a, METRIC])
     least, fastest = math.inf, 0.0
     if limited > 0 or greatest_load(terms, n, free)[0] > 0.0:
-        fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
+        fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed)
         least = _load_rate(terms, n, free, fastest)
-    damped, soft = math.inf, math.inf
-    faint = 0.0
-    if not landing:
-        beside = _greatest_damping(h, heaviest, terms, n, free)
-        faint = LIMIT * (max(beside, least) if least < math.inf else beside)
     for i in range(n):
         rate = _damping_rate(h, heaviest, terms, free[i])
-        if rate > 0.0 and rate >= faint:
-            damped = min(damped, rate)
+        if rate > 0.0:
+            least = min(least, rate)
     if rung[0].compliant:
         d = terms.contact_stiffness.shape[1]
         for r in range(contacts * d):
             k, j = r // d, r % d
             resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
             rate = resist * _mobility_of_contact(r, d, terms, n, free) / heaviest
-            if 0.0 < rate < math.inf:
-                soft = min(soft, rate)
-    if not landing and soft < math.inf:
-        damped = max(damped, FAINT * soft)
-    least = min(least, damped, soft)
+            if rate > 0.0:
+                least = min(least, rate)
     for r in range(limited):
         mobility = _mobility(terms.limited, r, terms, n, free) / heaviest
         rate = (h * terms.gains[r, 0] + terms.gains[r, 1]) * mobility
@@ -100,7 +86,7 @@ def limit_inertia(
         if terms.limit[r] > 0.0 and pace > 0.0:
             least = min(least, terms.limit[r] * mobility / pace)
     eps = LIMIT * least * h
-    if terms.contact_stiffness.shape[1] > 2 and not rung[0].compliant and not landing and least < math.inf:
+    if not rung[0].compliant and least < math.inf:
         eps = max(eps, min(_unmoved(h, terms, n, free), HIDDEN * least * h))
     return min(1.0, eps)
 
@@ -114,28 +100,6 @@ def _unmoved(h: float, terms: Terms, n: int, free: Ints) -> float:
         lightest = min(lightest, terms.heft[free[i], INERTIA] / terms.heft[free[i], METRIC])
     noise = ROUNDED * greatest_load(terms, n, free)[0]
     return noise * h * h / (lightest * HOVERS * float(terms.rounding[0]))
-
-
-@kernel
-def resting_inertia(h: float, terms: Terms, n: int, free: Ints) -> float:
-    """An eps for bodies at rest under load: beside the loads inertia shows in motions beyond `STIR` roundings
-    of positions a step, and in no others.
-
-    Where damping is faint beside the loads, the rounding of contact forces would otherwise move bodies at
-    rest.
-    """
-    pace = STIR * terms.rounding[0] / h
-    return min(1.0, LIMIT * _load_rate(terms, n, free, pace) * h)
-
-
-@kernel
-def is_moving(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
-    """Whether something moves with `v` beyond `STIR` roundings of positions in the step."""
-    moves = False
-    for i in range(n):
-        a = free[i]
-        moves |= h * abs(v[a]) * math.sqrt(terms.heft[a, METRIC]) > STIR * terms.rounding[0]
-    return moves
 
 
 @kernel
@@ -159,22 +123,14 @@ def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
 
 
 @rare_kernel
-def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Ints) -> float:
-    greatest = 0.0
-    for i in range(n):
-        greatest = max(greatest, _damping_rate(h, heaviest, terms, free[i]))
-    return greatest
-
-
-@rare_kernel
 def _demanded_pace(
-    h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
+    h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals
 ) -> float:
     """Fastest motion, as a length per time, by which a free body alone would meet the demand of one row."""
     fastest, d = 0.0, terms.contact_stiffness.shape[1]
     for r in range(contacts * d):
         demanded = abs(rate(terms.entries, terms.rows, r, d, speed))
-        if r % d == 0 and (landing or terms.gap[r // d] < -terms.rounding[0]):
+        if r % d == 0:
             demanded = max(demanded, abs(terms.gap[r // d]) / h)
         if demanded > 0.0:
             fastest = max(fastest, demanded * _answer_of_contact(r, d, terms, n, free))

@@ -62,6 +62,41 @@ def test_friction_alone_holds_a_ball_among_others_where_it_may(make: Make, seed:
     assert run.final["b"]["z"] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_ball_that_fits_exactly_rests_in_any_frame_and_unit(make: Make, seed: int) -> None:
+    """Contacts opposite each other turn the ball about their line by rounding alone, and nothing resists."""
+    rng = np.random.default_rng(seed)
+    unit, mass, place = 10.0 ** rng.uniform(-3.0, 2.0), 10.0 ** rng.uniform(-2.0, 3.0), rng.normal(size=3)
+    ball, other, turn = 0.1 * unit, rng.uniform(0.02, 0.2) * unit, rng.normal(size=4)
+    turn /= np.linalg.norm(turn)
+    (w, x, y, z), place = turn, 10.0 * unit * place
+    along = np.array([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
+    down = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    fixed = "".join(
+        f'<geom type="plane" size="1 1 1" pos="{_text(place - side * ball * along)}"'
+        f' zaxis="{_text(side * along)}"/>'
+        if seed % 2
+        else f'<geom size="{other!r}" pos="{_text(place - side * (ball + other) * along)}"/>'
+        for side in (1.0, -1.0)
+    )
+    model = (
+        f'<option gravity="{_text(-9.81 * unit * down)}"/><worldbody>{fixed}'
+        f'<body name="b" pos="{_text(place)}" quat="{_text(turn)}"><freejoint/>'
+        f'<geom size="{ball!r}" mass="{mass!r}"/></body></worldbody>'
+    )
+    scene = make(
+        model, duration=0.05, step=1e-3, contacts=[{"friction": MU}], tolerance=1e-6 * unit,
+    )  # fmt: skip
+    for rung in RIGID:
+        run = rw.simulate(scene, rung)
+        assert str(run.outcome) == "timeout", run.reason
+        assert np.abs(run.frames[-1].v).max() < 1e-9 * unit
+
+
+def _text(numbers: np.ndarray) -> str:
+    return " ".join(f"{x:.17g}" for x in numbers)
+
+
 def test_without_friction_it_falls(make: Make) -> None:
     fixed, place = among_balls(0)
     model = f'{GRAVITY}<worldbody>{fixed}<body name="b" pos="{place}">{FREE}</body></worldbody>'

@@ -16,7 +16,6 @@ import math
 import numpy as np
 
 from rungwise.contact.solver.kinds.associated import KIND as ASSOCIATED
-from rungwise.contact.solver.settings import BY_PATHS
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import SOLVED
@@ -53,9 +52,7 @@ def start_associated(
     for _ in range(ROUNDS):
         for k in range(contacts):
             p.w[d * k] = offset[d * k] + p.mu[k] * slip[k]
-        status, _, _, _ = solve_groups(
-            p, sizes, unknowns, ASSOCIATED, BY_PATHS, surfaces, columns, couplings, halt
-        )
+        status, _, _, _ = solve_groups(p, sizes, unknowns, ASSOCIATED, surfaces, columns, couplings, halt)
         ended = status == SOLVED
         if not ended:
             break

@@ -1,5 +1,4 @@
-"""What a step runs: of few bodies in the plane a warm guess of modes, then the contact solver; of few
-contacts in the plane, in the end, a search over all modes.
+"""What a step runs: of few bodies in the plane a warm guess of modes, then the contact solver.
 
 A mode with more closed rows than coordinates is no guess. Promises: SOLVED only with a residual within
 `TOLERANCE`; NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a
@@ -8,15 +7,11 @@ certificate.
 
 from __future__ import annotations
 
+from rungwise.contact.solver.guess import MAX_FLIPS, solve_by_modes
 from rungwise.contact.solver.kinds.cone import KIND as CONE
-from rungwise.contact.solver.modes.dense_residual import residual
-from rungwise.contact.solver.modes.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
-from rungwise.contact.solver.modes.exertion import WEDGED, exertion
-from rungwise.contact.solver.modes.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.contact.solver.settings import BY_PATHS, FROM_GIVEN
-from rungwise.contact.step.modes import OPEN, STICK, clear
+from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Surfaces, Unknowns
-from rungwise.contact.step.status import GUESS, NO_SOLUTION, SEARCH, SOLVED, TOLERANCE
+from rungwise.contact.step.status import GUESS, SOLVED
 from rungwise.kernel import Ints, Reals, imported_kernel, kernel
 
 EXACT, NEAR = 1e-14, 1e-9
@@ -32,7 +27,6 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    starts: int,
     surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
@@ -55,35 +49,20 @@ def solve_problem(
 ) -> tuple[int, float, int]:
     """Solve, starting from `mode`, v, `force` and `tau`, into these; returns (status, residual, what
     answered). It ends without when halt (1,) is set. `surfaces`, `columns` and `couplings`: see
-    `solve_groups`; `room` is too small (see `matrix_size`) where no modes are guessed or searched."""
+    `solve_groups`; `room` is too small (see `matrix_size`) where no modes are guessed."""
     fits = len(room.order) >= sizes.n + 2 * sizes.contacts + sizes.limited + SPARE
-    by_modes = fits and problem.R.shape[1] == 2 and len(surfaces.number) == 0
-    if by_modes:
+    if fits and problem.R.shape[1] == 2 and len(surfaces.number) == 0:
         size = _determined_size(problem, sizes, unknowns.mode)
         if 0 < size <= LARGE:
             forces, v = room.matrix[room.matrix.shape[0] - 2], room.matrix[room.matrix.shape[0] - 3]
             collect(sizes, unknowns, forces, v)
             found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS, halt)
-            near = found <= NEAR and exertion(problem, sizes, unknowns) <= WEDGED
-            if near and found <= EXACT:
+            if found <= EXACT:
                 return SOLVED, found, GUESS
-            if not near:
+            if found > NEAR:
                 spread(sizes, forces, v, unknowns)
-    # Where all modes are tried afterwards, paths would only delay the verdict that there is no solution.
-    touching = not by_modes or mode_count(problem, sizes, False) > MAX_MODES
-    starts = BY_PATHS if touching else FROM_GIVEN
-    status, found, stage, _ = solve_groups(
-        problem, sizes, unknowns, CONE, starts, surfaces, columns, couplings, halt
-    )
-    if status == SOLVED or not by_modes or halt[0] != 0 or sizes.contacts + sizes.limited == 0:
-        return status, found, stage
-    if mode_count(problem, sizes, touching) <= MAX_MODES:
-        found = solve_by_enumeration(problem, sizes, unknowns, room, touching, TOLERANCE)
-        if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
-            return SOLVED, found, SEARCH
-        clear(2, sizes, unknowns)
-        found = residual(problem, sizes, unknowns)
-    return NO_SOLUTION, found, SEARCH
+    status, found, stage, _ = solve_groups(problem, sizes, unknowns, CONE, surfaces, columns, couplings, halt)
+    return status, found, stage
 
 
 @kernel

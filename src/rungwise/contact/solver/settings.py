@@ -21,8 +21,8 @@ CYCLE = 6
 """Newton steps in which the map does not fall, after which they lead nowhere."""
 NEWTON_STEPS = 10_000
 """Newton steps at most, with all starts of all islands."""
-BY_PATHS, FROM_GIVEN = 4, 2
-"""Starts at most; and those from what is given, without the paths."""
+STARTS, GIVEN = 4, 2
+"""Starts at most; and those from what is given, before those from the ends of paths."""
 HELD = 3
 """Proximal problems that are solved before a weight is tried again that was too little."""
 ENDLESS = 150

@@ -28,6 +28,7 @@ from rungwise.contact.solver.settings import (
     ENOUGH,
     FASTER,
     FINEST,
+    GIVEN,
     GOAL,
     GUESS,
     GUESSES,
@@ -43,6 +44,7 @@ from rungwise.contact.solver.settings import (
     SLOW,
     SLOWER,
     SMOOTH,
+    STARTS,
     STEPS,
     WEDGED,
     WEIGHT,
@@ -57,8 +59,8 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 @kernel
 def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
     """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
-    when halt (1,) is set. count (5,): Newton steps, proximal problems, starts before the last; and Newton
-    steps and starts at most."""
+    when halt (1,) is set. count (4,): Newton steps, proximal problems, starts before the last; and Newton
+    steps at most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
     room.least[0] = math.inf
@@ -66,18 +68,17 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
     found = measure(g, x, v, room)
     if found <= NOTHING:
         return float(found)
-    for start in range(count[4]):
+    for start in range(STARTS):
         if room.least[0] <= TOLERANCE or _ends(halt, count):
             break
         count[2] = start
         by = BY_ITERATE if start % 3 == 0 else BY_PROBLEM
-        if start < 2:
+        if start < GIVEN:
             copy(room.first_x, x)
             copy(room.first_v, v)
         else:
             _clear(x)
             _clear(v)
-        if start >= 2:
             _follow(g, by, x, v, room, halt, count)
         _approach(g, by, start == 0, x, v, room, halt, count)
     copy(room.best_x, x)
@@ -287,9 +288,8 @@ def _approach(
     g: Groups, by: int, warm: bool, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints
 ) -> None:
     """The proximal point method from (x, v); `bare`: forces alone are held."""
-    xc, vc = room.centre_x, room.centre_v
-    least, weight, held, falls, since = _note(g, x, v, room), WEIGHT, 0, True, count[0]
-    bare, tried = False, False
+    least, since, found = _note(g, x, v, room), count[0], 0.0
+    weight, held, falls, bare, tried = WEIGHT, 0, True, False, False
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
@@ -306,39 +306,27 @@ def _approach(
             set_pace(g, by, room)
         if _ends(halt, count):
             break
-        count[1] += 1
         guess = problem == 0 and warm
         if guess:  # forces alone are those of a step before
             bare, weight = True, GUESS
         if bare:
             _clear(room.hold)
-        copy(x, xc)
-        copy(v, vc)
-        goal = max(0.01 * min(weight, 1.0) * size, ROUNDING * max(1.0, _greatest(x)))
-        enough = max(goal, 0.1 * size)
-        reached = descend(
-            g, weight, 0.0, 1, GUESSES if guess else STEPS, goal, x, v, xc, vc, room, halt, count
-        )
-        if not guess and not reached <= enough:  # whole steps may cycle
-            copy(xc, x)
-            copy(vc, v)
-            reached = descend(g, weight, 0.0, LENGTHS, STEPS, goal, x, v, xc, vc, room, halt, count)
-        falls = False
-        found = _note(g, x, v, room)
+        diverged = found == math.inf
+        found, solved = _solve_about(g, weight, guess, size, x, v, room, halt, count)
+        if diverged and found == math.inf:
+            break
         if guess:
             bare, tried = False, room.least[0] <= ENOUGH
-        if found > ENOUGH and not reached <= enough:
-            copy(xc, x)
-            copy(vc, v)
+        if not solved:
             if weight >= MOST:
                 break
             if guess:
-                weight = CHANGE * WEIGHT
                 set_pace(g, by, room)
-            weight, held = min(weight / CHANGE, MOST), HELD
+            weight, held, falls = WEIGHT if guess else min(weight / CHANGE, MOST), HELD, False
             continue
-        if found < 0.5 * least:
-            least, falls, since = found, True, count[0]
+        falls = found < 0.5 * least
+        if falls:
+            least, since = found, count[0]
         if room.least[0] <= GOAL and tried:
             break
         if guess and room.least[0] > ENOUGH:
@@ -350,6 +338,41 @@ def _approach(
             measure(g, x, v, room)
             set_pace(g, by, room)
         size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
+
+
+@kernel
+def _solve_about(
+    g: Groups,
+    weight: float,
+    guess: bool,
+    size: float,
+    x: Reals,
+    v: Reals,
+    room: Room,
+    halt: Ints,
+    count: Ints,
+) -> tuple[float, bool]:
+    """Solve the proximal problem about (x, v), into these: by whole steps, and where these cycle with a line
+    search. Returns the residual, and whether the map, of this `size` before, is solved; else (x, v) are as
+    they were."""
+    xc, vc = room.centre_x, room.centre_v
+    count[1] += 1
+    copy(x, xc)
+    copy(v, vc)
+    goal = max(0.01 * min(weight, 1.0) * size, ROUNDING * max(1.0, _greatest(x)))
+    enough = max(goal, 0.1 * size)
+    steps = GUESSES if guess else STEPS
+    reached = descend(g, weight, 0.0, 1, steps, goal, x, v, xc, vc, room, halt, count)
+    if not guess and not reached <= enough:
+        copy(xc, x)
+        copy(vc, v)
+        reached = descend(g, weight, 0.0, LENGTHS, steps, goal, x, v, xc, vc, room, halt, count)
+    found = _note(g, x, v, room)
+    solved = found <= ENOUGH or reached <= enough
+    if not solved:
+        copy(xc, x)
+        copy(vc, v)
+    return found, solved
 
 
 @kernel

@@ -33,16 +33,14 @@ def solve_groups(
     sizes: Sizes,
     unknowns: Unknowns,
     law: int,
-    starts: int,
     surfaces: Surfaces,
     columns: Ints,
     couplings: Ints,
     halt: Ints,
 ) -> tuple[int, float, int, int]:
     """Solve from the forces and velocities given, into these and the modes; returns (status, residual,
-    what answered, Newton steps), where the contacts are of the kind `law`, after so many
-    `starts` at most. It ends without an answer when halt (1,) is set. `surfaces`, `columns` and `couplings`:
-    see `fill_groups`."""
+    what answered, Newton steps), where the contacts are of the kind `law`. It ends without an answer when
+    halt (1,) is set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
         if not p.H[i, i] > 0.0:
             return NO_SOLUTION, math.inf, GUESS, 0
@@ -50,7 +48,7 @@ def solve_groups(
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count, numbers = np.array([0, 0, 0, NEWTON_STEPS, starts]), surfaces.pressures
+    count, numbers = np.array([0, 0, 0, NEWTON_STEPS]), surfaces.pressures
     order = np.empty(members, np.int64)
     apart = _begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
@@ -98,7 +96,7 @@ def solve_groups(
     solved = worst <= TOLERANCE
     if not solved:
         clear(d, sizes, unknowns)
-    if not solved or apart > 1:
+    if not solved:
         worst = residual_of_groups(p, sizes, unknowns, law, surfaces, columns, couplings)
     stage = PROXIMAL if count[1] > apart else GUESS
     return SOLVED if solved else NO_SOLUTION, worst, stage, count[0]
@@ -114,14 +112,32 @@ def residual_of_groups(
     columns: Ints,
     couplings: Ints,
 ) -> float:
-    """The residual of an answer (see `residual`); inf where forces exceed by far what the problem calls
-    for."""
+    """The greatest residual (see `residual`) of the parts of an answer that nothing joins; inf where forces
+    exceed by far what the problem calls for."""
     whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
-    room, scratch = np.empty(room_of(whole)), np.empty(3 * whole.n + 3 * whole.groups, np.int64)
-    return _measure(
-        p, sizes, unknowns, law, surfaces, columns, couplings, reals, integers, whole, room, scratch
-    )
+    members, numbers = whole.n + whole.groups, surfaces.pressures
+    scratch, room = np.empty(2 * members + 2 * whole.n, np.int64), np.empty(room_of(whole))
+    own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
+    order, worst, rows = np.empty(members, np.int64), 0.0, p.R.shape[1] * sizes.contacts
+    for which in range(_begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)):
+        part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
+        found = _measure(own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows)
+        worst = max(worst, found)
+    return worst
+
+
+@kernel
+def _measure(
+    reals: Reals, integers: Ints, part: Counts, numbers: Reals, scratch: Ints, room: Reals, order: Ints,
+    unknowns: Unknowns, sizes: Sizes, rows: int,
+) -> float:  # fmt: skip
+    """The residual of an island."""
+    g = groups_in(reals, integers, part, numbers)
+    here = room_in(room, order, part, no_blocks(integers, reals))
+    count_in_units(g)
+    _take(g, scratch[len(scratch) - 2 * sizes.n :], unknowns, rows, here.x, here.v)
+    return measure(g, here.x, here.v, here)
 
 
 @kernel
@@ -194,31 +210,6 @@ def _solve_part(
     found = solve(g, here.x, here.v, here, halt, count)
     _give(g, own, sizes, rows, here.x, here.v, here, unknowns)
     return found
-
-
-@kernel
-def _measure(
-    p: ContactProblem,
-    sizes: Sizes,
-    unknowns: Unknowns,
-    law: int,
-    surfaces: Surfaces,
-    columns: Ints,
-    couplings: Ints,
-    reals: Reals,
-    integers: Ints,
-    whole: Counts,
-    room: Reals,
-    scratch: Ints,
-) -> float:
-    g = groups_in(reals, integers, whole, surfaces.pressures)
-    fill_groups(p, sizes, law, surfaces, columns, couplings, g)
-    count_in_units(g)
-    here, own = room_in(room, scratch, whole, no_blocks(scratch, room)), scratch[whole.n + whole.groups :]
-    for i in range(whole.n):
-        own[i] = i
-    _take(g, own, unknowns, p.R.shape[1] * sizes.contacts, here.x, here.v)
-    return measure(g, here.x, here.v, here)
 
 
 @inner_kernel

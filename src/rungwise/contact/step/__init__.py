@@ -17,11 +17,11 @@ from rungwise.contact.step.problem import (
     matrix_size,
     trim,
 )
-from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SEARCH, SOLVED, TOLERANCE
+from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 
 __all__ = [
     "BACKWARD", "EXACT_BEGIN", "EXACT_COS", "EXACT_ROW", "EXACT_SIN", "FORWARD", "GUESS", "NAMES",
-    "NO_SOLUTION", "NO_SURFACES", "OPEN", "PROXIMAL", "SEARCH", "SOLVED", "STICK", "TOLERANCE",
+    "NO_SOLUTION", "NO_SURFACES", "OPEN", "PROXIMAL", "SOLVED", "STICK", "TOLERANCE",
     "ContactProblem", "Elimination", "Sizes", "Surfaces", "Unknowns", "allocate_problem", "keep_contacts",
     "matrix_size", "trim",
 ]  # fmt: skip

@@ -89,12 +89,13 @@ class Elimination(NamedTuple):
     order: Ints
 
 
-SPARE = 3
-"""Rows of the room for linear systems for vectors, beside the rows of the largest system."""
+SPARE = 5
+"""Rows of the room for linear systems beside those of the largest system: three to judge in, and two for
+where the guess began."""
 
 
 def matrix_size(n: int, contacts: int, limited: int) -> int:
-    """Side of the room that guesses and searches of modes need, one more in columns."""
+    """Side of the room that guesses of modes need, one more in columns."""
     return n + 2 * contacts + limited + SPARE
 
 

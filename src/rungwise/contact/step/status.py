@@ -5,5 +5,5 @@ from __future__ import annotations
 TOLERANCE = 1e-8
 """Residual, without unit, up to which a step is solved. Chosen by trial, to a decade."""
 SOLVED, NO_SOLUTION = 0, 1
-GUESS, PROXIMAL, SEARCH = 0, 1, 2
-"""What answered: the active set of the start, proximal problems after it, the search over modes."""
+GUESS, PROXIMAL = 0, 1
+"""What answered: the active set of the start, or proximal problems after it."""

@@ -31,6 +31,16 @@ def least_allowed(rung: Rung, size: Size, step: Trial, v: Reals, way: float, bef
     return deepest - UNSEEN * size.length
 
 
+def crushes(rung: Rung, size: Size, step: Trial) -> bool:
+    """Whether a contact yields too far for its model under forces that solve a step without momentum: then no
+    step is short enough for what it moves."""
+    if not rung.compliant or rung.inertia > 0.0:
+        return False
+    force = step.scratch.contact_force[: step.contacts * size.directions : size.directions]
+    yields = force / step.terms.contact_stiffness[: step.contacts, 0, 0]
+    return bool((yields > SINKING * size.length).any())
+
+
 def open_added(terms: Terms, contacts: int, h: float, deep: float) -> None:
     """Let overlap that the way to a trial place adds to what was there, `deep`, be gone at the end of a step
     of length h. The models take a `pause` for overlap, which is meant for what was there before."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.solver.settings import NOTHING
 from rungwise.contact.step import (
     NO_SOLUTION,
     OPEN,
-    SEARCH,
     SOLVED,
     STICK,
     ContactProblem,
@@ -16,12 +16,9 @@ from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.entries import Velocities
 from rungwise.models.limit import (
-    LIMIT,
     STIR,
     greatest_load,
-    is_moving,
     limit_inertia,
-    resting_inertia,
 )
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import solve_scratch, start_scratch
@@ -33,13 +30,9 @@ from rungwise.system.skew import is_skew, widened
 from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-RESTING, MOVING, LANDING = 0, 1, 2
-"""How inertia is chosen in the limit 0+: first for bodies at rest, then for moving, then for falling
-bodies."""
-_UNBALANCED = (LIMIT, 1e-6, 1e-4)
-"""Part of the load and of the resistance that inertia may then make up in a balance without inertia; one per
-choice of inertia. Chosen by trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold
-them."""
+_UNBALANCED = 1e-4
+"""Part of the load and of the resistance that inertia may make up in a balance without inertia. Chosen by
+trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold it."""
 SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
 
@@ -67,7 +60,7 @@ def solve_step(trial: Trial) -> int:
 def _solve_or_hold(trial: Trial) -> int:
     """See `solve_step`."""
     rung, terms, state, scratch = trial.rung, trial.terms, trial.state, trial.scratch
-    status = _solve_with_care(trial, False)
+    status = _solve_balanced(trial, False)
     clock, dynamic = state.clock[0], rung[0].inertia > 0.0
     if not rung[0].loads or clock.leans or not _is_pressed(terms, state) or (dynamic and rung[0].compliant):
         return status
@@ -77,11 +70,11 @@ def _solve_or_hold(trial: Trial) -> int:
     pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
     if first:
         copy(scratch.v_new, scratch.other[:-1])
-    held = _solve_with_care(trial, True) == SUPPORTED
+    held = _solve_balanced(trial, True) == SUPPORTED
     if held and doubtful:
-        held = _is_still(scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
+        held = _is_still(trial, scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
     if doubtful and not held:
-        return _solve_with_care(trial, False)
+        return _solve_balanced(trial, False)
     if held and first:
         scratch.other[-1] = clock.time
     return SUPPORTED if held else status
@@ -116,16 +109,19 @@ def _starts(trial: Trial) -> bool:
     closed = False
     for k in range(contacts):
         closed |= terms.gap[k] <= terms.rounding[0]
-    rested = _is_still(state.v) and _is_still(state.speed)
-    return bool(closed and rested and not _is_still(scratch.v_new))
+    rested = _is_still(trial, state.v) and _is_still(trial, state.speed)
+    return bool(closed and rested and not _is_still(trial, scratch.v_new))
 
 
 @kernel
-def _is_still(v: Reals) -> bool:
-    still = True
+def _is_still(trial: Trial, v: Reals) -> bool:
+    """Whether nothing moves but for rounding beside what loads would cause in the step: contacts whose levers
+    are rounding turn bodies about axes that nothing resists."""
+    terms, moves, falls = trial.terms, 0.0, 0.0
     for i in range(v.shape[0]):
-        still &= v[i] == 0.0
-    return bool(still)
+        weight = math.sqrt(terms.inertia[i, i])
+        moves, falls = max(moves, weight * abs(v[i])), max(falls, weight * abs(terms.fall[i]))
+    return bool(moves <= NOTHING * trial.h * falls)
 
 
 @kernel
@@ -138,51 +134,18 @@ def _pace(terms: Terms, v: Reals) -> float:
 
 
 @kernel
-def _solve_with_care(trial: Trial, convex: bool) -> int:
-    """Solve the step with the inertia of one case after another; `convex`: from the forces that let bodies
-    rest."""
+def _solve_balanced(trial: Trial, convex: bool) -> int:
+    """Solve the step, whose forces have to balance where the rung leaves inertia out; `convex`: from the
+    forces that let bodies rest."""
     rung, h, terms, contacts, state, _, _ = trial
     clock = state.clock[0]
-    status, balanced, free, tried, ended = NO_SOLUTION, True, clock.free, -1.0, False
-    first = RESTING if _may_rest(trial) else MOVING
-    for care in range(first, LANDING + 1):
-        if care == RESTING:
-            clock.eps = resting_inertia(h, terms, free, state.free)
-        else:
-            clock.eps = limit_inertia(
-                rung, h, terms, contacts, clock.limited, free, state.free, state.speed, care == LANDING
-            )
-        if clock.eps != tried:
-            tried = clock.eps
-            status = _solve_in_turn(trial, convex)
-            if status == SOLVED:
-                _take_over(trial)
-        if status == SOLVED:
-            balanced = rung[0].inertia > 0.0 or not rung[0].loads
-            balanced = balanced or is_balanced(trial, _UNBALANCED[care])
-            ended = True
-        if status == SOLVED and balanced:
-            break
-    if not ended:
+    clock.eps = limit_inertia(rung, h, terms, contacts, clock.limited, clock.free, state.free, state.speed)
+    if _solve_in_turn(trial, convex) != SOLVED:
         return UNSOLVED
-    return SUPPORTED if status == SOLVED and balanced else UNSUPPORTED
-
-
-@kernel
-def _may_rest(trial: Trial) -> bool:
-    """Whether bodies under load may be at rest on rigid contacts: nothing free or driven moves, and something
-    resists motion besides (where nothing does, any inertia is exact)."""
-    rung, h, terms, state = trial.rung, trial.h, trial.terms, trial.state
-    clock = state.clock[0]
-    free = not rung[0].compliant and rung[0].inertia == 0.0 and rung[0].loads
-    if not free or clock.leans or greatest_load(terms, clock.free, state.free)[0] == 0.0:
-        return False
-    resisted = clock.limited > 0
-    for i in range(state.speed.shape[0]):
-        if state.speed[i] != 0.0:
-            return False
-        resisted |= terms.damping[i, i] > 0.0 or terms.stiffness[i, i] > 0.0
-    return resisted and not is_moving(h, terms, clock.free, state.free, state.v)
+    _take_over(trial)
+    if rung[0].inertia > 0.0 or not rung[0].loads or is_balanced(trial, _UNBALANCED):
+        return SUPPORTED
+    return UNSUPPORTED
 
 
 @kernel
@@ -279,7 +242,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         note_start(problem, sizes, scratch)
     status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
-    if noted and (status != SOLVED or stage >= SEARCH or notes_all(scratch)):
+    if noted and (status != SOLVED or notes_all(scratch)):
         note(problem, sizes, terms.surface, status, stage, state, scratch)
     return status
 

@@ -27,12 +27,13 @@ from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
-from rungwise.simulation.core.overlap import least_allowed, open_added
+from rungwise.simulation.core.overlap import crushes, least_allowed, open_added
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import (
     DRIVEN,
     LINEARISATIONS,
+    MAX_HALVINGS,
     NEAR,
     PAUSE,
     ROUNDING,
@@ -153,6 +154,7 @@ class Stepper:
         """
         asked, landed, self._fall.follows, self._told = False, False, tol < math.inf, math.nan
         planned = h = self._until_edge(h)
+        shortest = math.ldexp(h, -MAX_HALVINGS)
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -170,9 +172,8 @@ class Stepper:
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             stuck = min(STUCK * self.system.size.length, self.system.size.thin)
-            if status == UNSUPPORTED or moved < (
-                STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
-            ):
+            still = STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
+            if status == UNSUPPORTED or moved < still or h <= shortest:
                 if self._explain(status, asked):
                     return h
                 asked = True
@@ -363,17 +364,22 @@ class Stepper:
             self.outcome = Code.NOT_CONVERGED
 
     def _explain(self, status: int, asked: bool) -> bool:
-        """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
-        unless it was asked before, solves the step: its forces are the forces to start from."""
+        """Set the outcome: a contact that yields too much, a jam or a missing support if proved, else not
+        converged. False where `rw.solve`, unless it was asked before, solves the step: its forces are the
+        forces to start from."""
         clock, terms, state = self.clock, self.terms, self.state
-        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
-        if not np.isfinite(problem.c).all():
+        if not np.isfinite(self.problem.c[: int(clock["free"])]).all():
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
             return True
+        tried = self._tried(float(clock["tried"]))
+        if self._cause in (OVERLAPPING, FAR) and crushes(self.rung, self.system.size, tried):
+            self.outcome = Code.MODEL_INVALID
+            return True
         slow, outcome = self.rung.inertia == 0.0 and self.rung.loads, Code.UNSUPPORTED
-        if status == UNSUPPORTED:
-            self.certificate = self._unsupported(False)
-        else:
+        if status == UNSUPPORTED or self._leaping > 0.0:  # to ask for solutions takes far longer
+            self.certificate = self._unsupported(status != UNSUPPORTED)
+        if status != UNSUPPORTED and self.certificate is None:
+            problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate, solved = ask(problem, terms, state, self.scratch, self.deadline)
             if solved and not asked:

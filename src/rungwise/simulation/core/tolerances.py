@@ -25,3 +25,5 @@ ACROSS = 1e-3
 """How far across the edge of the range of a pull a step ends that crosses it, over the range."""
 SHORTER = 1.0 / 16.0
 """Part of a step in which what vanishes with the step moves less than half as far, and a jump is as large."""
+MAX_HALVINGS = 60
+"""Halvings of one step, at most: to rounding of its time."""

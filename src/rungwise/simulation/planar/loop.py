@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
-from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
+from rungwise.simulation.core.tolerances import MAX_HALVINGS, PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.held_since import (
     DATINGS,
@@ -75,8 +75,6 @@ from rungwise.system.terms import APART, METRIC
 
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
-MAX_HALVINGS = 60
-"""Halvings of one step, at most: to rounding of its time."""
 STALLS, NOWHERE = 10, 0.2
 """After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
 without solution, a step without solution by no more than that is a jam: what closes in between is closed."""

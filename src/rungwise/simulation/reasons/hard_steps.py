@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rungwise.contact.files import h5py_library, write_fclib
-from rungwise.contact.step import NO_SOLUTION, SEARCH, SOLVED, ContactProblem, Unknowns
+from rungwise.contact.step import NO_SOLUTION, PROXIMAL, ContactProblem, Unknowns
 from rungwise.simulation.core.notes import Note, taken
 from rungwise.simulation.planar.state.workspace import Workspace
 
@@ -25,11 +25,10 @@ _MEANING = (
 class HardSteps:
     """Files of a run's hard steps in `folder`.
 
-    A step is hard if it has no solution, also if it is then halved, or if it took the search over all
-    modes. `count` is the number of hard steps, a step tried
-    twice counting once, and `files` are the files written: the first `FIRST`, the last `LAST`, and the last
-    problem of a run that ended for want of a solution. The problem of an unsupported step is without the
-    inertia that stands for the limit of none; a problem with numbers that are not finite is only counted.
+    A step is hard if it has no solution, also if it is then halved. `count` is the number of hard steps, a
+    step tried twice counting once, and `files` are the files written: the first `FIRST`, the last `LAST`, and
+    the last problem of a run that ended for want of a solution. The problem of an unsupported step is without
+    the inertia that stands for the limit of none; a problem with numbers that are not finite is only counted.
 
     Raises ValueError for a folder that holds HDF5 files or cannot be written, or if h5py is missing.
     """
@@ -59,7 +58,7 @@ class HardSteps:
                 continue
             self._last = note.problem
             if self.count < FIRST:
-                self._write(self.count, note, _outcome(note))
+                self._write(self.count, note)
             else:
                 self._waiting.append(note)
             self.count += 1
@@ -76,19 +75,19 @@ class HardSteps:
         OSError."""
         while self._waiting and len(self.files) < FIRST + LAST:
             note = self._waiting[0]
-            self._write(self.count - len(self._waiting), note, _outcome(note))
+            self._write(self.count - len(self._waiting), note)
             self._waiting.popleft()
         if problem is None:
             return None
         clock, scratch = workspace.state.clock[0], workspace.scratch
         found = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
         last = Note(
-            NO_SOLUTION, SEARCH, float(clock["residual"]), float(clock["time"]), float(clock["tried"]),
+            NO_SOLUTION, PROXIMAL, float(clock["residual"]), float(clock["time"]), float(clock["tried"]),
             int(clock["steps"]), problem, workspace.terms.surface, found, found,
         )  # fmt: skip
         return self._write(self.count, last, outcome)
 
-    def _write(self, index: int, note: Note, outcome: str) -> Path | None:
+    def _write(self, index: int, note: Note, outcome: str = "no_solution") -> Path | None:
         """The file, or None for a problem with numbers that are not finite."""
         p = note.problem
         if not all(np.isfinite(field).all() for field in (p.H, p.c, p.W, p.R, p.w, p.S, p.R_s, p.w_s)):
@@ -106,8 +105,3 @@ class HardSteps:
 
 def _same(one: ContactProblem, other: ContactProblem) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.__annotations__)
-
-
-def _outcome(note: Note) -> str:
-    """no_solution, or that the search over modes found one."""
-    return "search" if note.status == SOLVED else "no_solution"

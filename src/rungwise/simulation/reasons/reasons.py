@@ -100,14 +100,15 @@ class Reasons:
         certificate, balance = None, None
         if code == Code.JAMMED:
             certificate, problem = self._proved_jam(problem, deadline)
-        elif code == Code.UNSUPPORTED or self._asks_for_balance():
+        jammed = certificate is not None
+        if not jammed and (code == Code.UNSUPPORTED or self._asks_for_balance()):
             from rungwise.contact.certify import certify_or_balance  # it takes long to import
 
             problem, _ = self._unsupported()
             certificate, balance = certify_or_balance(problem, self.resisting(), deadline)
         if certificate is None:
             return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem, balance)
-        outcome = outcome if code == Code.JAMMED else OUTCOMES[Code.UNSUPPORTED]
+        outcome = OUTCOMES[Code.JAMMED if jammed else Code.UNSUPPORTED]
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
         return Ended(outcome.code, reason, certificate, problem)
 

@@ -71,6 +71,21 @@ def violation(kind: int, law: Reals, numbers: Reals, unit: float, d: int, x: Rea
         worst = pressure.violation(law, numbers, unit, x, y)
     else:
         worst = ball.violation(law, unit, d, x, y)
-    for i in range(d):  # min and max may drop what is not a number
-        worst += 0.0 * (x[i] + y[i])
-    return worst if worst == worst else math.inf
+    return worse(0.0, worst + nothing(d, x, y))
+
+
+@inner_kernel
+def nothing(d: int, x: Reals, y: Reals) -> float:
+    """0, or not a number where something is not finite, which min and max may drop."""
+    total = 0.0
+    for i in range(d):
+        total += 0.0 * (float(x[i]) + float(y[i]))
+    return total
+
+
+@inner_kernel
+def worse(a: float, b: float) -> float:
+    """The larger of two violations; inf when b is not a number."""
+    if b <= a:
+        return a
+    return b if b < math.inf else math.inf

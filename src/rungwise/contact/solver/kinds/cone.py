@@ -77,4 +77,5 @@ def violation(law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
     shrink = 1.0 if length <= radius else radius / length
     for i in range(1, d):
         total += (x[i] - shrink * (x[i] - y[i])) ** 2
-    return max(abs(float(min(x[0], y[0]))), math.sqrt(total))
+    opens, slides = abs(float(min(x[0], y[0]))), math.sqrt(total)
+    return opens if slides <= opens else slides  # also where it is not a number

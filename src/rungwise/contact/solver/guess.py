@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.linear import solve_in_place
-from rungwise.contact.solver.modes.dense_residual import residual
+from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 MAX_FLIPS = 12
-"""Solves in which contacts may change their mode, at most; in a proximal problem, those in which all may,
-and then as many in which one may."""
+"""Solves in which contacts may change their mode, at most."""
 CONTRADICTED = 1e-12
 """Rates over the greatest velocity term, and forces over the greatest force or the limit, that contradict no
 mode: about ten thousand roundings of double precision. Chosen by trial, to a decade."""
@@ -34,18 +33,14 @@ def solve_by_modes(
     """Improve `mode` (contacts, then limited rows) in at most `flips` solves, fewer where halt (1,) is set;
     returns the residual of the solution found. The kernel ends at a mode that does not determine the
     forces."""
-    contacts, limited = sizes.contacts, sizes.limited
-    still = room.matrix[room.matrix.shape[0] - 1]
-    for r in range(2 * contacts + limited):
-        still[r] = 0.0
     for i in range(flips):
         regular = solve_mode(problem, sizes, unknowns, room)
         # The last solution keeps the mode that it belongs to.
         if not regular or i + 1 == flips or halt[0] != 0:
             break
-        if not flip(problem, sizes, unknowns, still, still, contacts + limited):
+        if not _flip(problem, sizes, unknowns):
             break
-    return residual(problem, sizes, unknowns)
+    return residual_of_rows(problem, sizes, unknowns, room.matrix)
 
 
 @kernel
@@ -75,17 +70,17 @@ def _unpack(p: ContactProblem, sizes: Sizes, size: int, matrix: Reals, unknowns:
             force[2 * k + 1] *= matrix[at, size]
             at += 1
         else:
-            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
+            force[2 * k + 1] = _sign(mode[k]) * p.mu[k] * force[2 * k]
     for r in range(limited):
         if mode[contacts + r] == STICK:
             tau[r] *= matrix[at, size]
             at += 1
         else:
-            tau[r] = sign(mode[contacts + r]) * p.F[r]
+            tau[r] = _sign(mode[contacts + r]) * p.F[r]
 
 
 @kernel
-def sign(mode: int) -> float:
+def _sign(mode: int) -> float:
     """Sign of the friction force."""
     if mode == BACKWARD:
         return 1.0
@@ -123,7 +118,7 @@ def _assemble(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, a: Reals) -> 
         if mode[k] == OPEN:
             continue
         row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
-        slope = 0.0 if sticks else sign(mode[k]) * p.mu[k]
+        slope = 0.0 if sticks else _sign(mode[k]) * p.mu[k]
         unit = _unit(p.W, row, row + 1, n, p.R[k, 0, 0], v)
         _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
         a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit
@@ -148,7 +143,7 @@ def _assemble(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, a: Reals) -> 
             at += 1
         else:
             for i in range(n):
-                a[i, size] += p.S[r, i] * v[i] * sign(mode[contacts + r]) * p.F[r]
+                a[i, size] += p.S[r, i] * v[i] * _sign(mode[contacts + r]) * p.F[r]
     return size
 
 
@@ -199,11 +194,8 @@ def _unknown(
 
 
 @kernel
-def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centre: Reals, most: int) -> bool:
-    """Move at most `most` contacts that contradict their modes to the modes they ask for; whether any did.
-
-    Row r yields by give[r] per unit of force beyond centre[r] (2 contacts + limited,), beside R.
-    """
+def _flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> bool:
+    """Move contacts and rows that contradict their modes to the modes they ask for; whether any did."""
     n, contacts, limited = sizes
     mode, v, force, tau = unknowns
     velocity, largest = p.quantum[0], 0.0
@@ -212,66 +204,47 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
         largest = max(largest, abs(force[r]))
         for i in range(n):
             velocity = max(velocity, abs(p.W[r, i] * v[i]))
-        velocity = max(velocity, give[r] * abs(centre[r]))
     slack, tiny = CONTRADICTED * velocity, CONTRADICTED * largest
-    changed = 0
+    flipped = False
     for k in range(contacts):
-        wanted = _contact_mode(p, n, k, unknowns, slack, tiny, give, centre)
-        changed += turned_to(wanted, mode, k, changed < most)
+        wanted = _contact_mode(p, n, k, unknowns, slack, tiny)
+        flipped |= wanted != mode[k]
+        mode[k] = wanted
     for r in range(limited):
         at = contacts + r
-        wanted = asked_by_limit(mode[at], tau[r], p.F[r])
+        wanted = _asked_by_limit(mode[at], tau[r], p.F[r])
         if wanted == BY_SLIP:
-            own = 2 * contacts + r
-            s = p.R_s[r] * tau[r] + p.w_s[r] + give[own] * (tau[r] - centre[own])
+            s = p.R_s[r] * tau[r] + p.w_s[r]
             for i in range(n):
                 s += p.S[r, i] * v[i]
             wanted = STICK if s * tau[r] > 0.0 else mode[at]
-        changed += turned_to(wanted, mode, at, changed < most)
-    return changed > 0
-
-
-@inner_kernel
-def turned_to(wanted: int, mode: Ints, k: int, may_change: bool) -> int:
-    """Let mode k be the one wanted, if it may; 1 where it was another, else 0."""
-    if wanted == mode[k] or not may_change:
-        return 0
-    mode[k] = wanted
-    return 1
+        flipped |= wanted != mode[at]
+        mode[at] = wanted
+    return bool(flipped)
 
 
 @kernel
-def _contact_mode(
-    p: ContactProblem,
-    n: int,
-    k: int,
-    unknowns: Unknowns,
-    slack: float,
-    tiny: float,
-    give: Reals,
-    centre: Reals,
-) -> int:
+def _contact_mode(p: ContactProblem, n: int, k: int, unknowns: Unknowns, slack: float, tiny: float) -> int:
     mode, v = unknowns.mode[k], unknowns.v
     normal, tangential = unknowns.force[2 * k], unknowns.force[2 * k + 1]
     if mode == OPEN:
-        rate = p.w[2 * k] - give[2 * k] * centre[2 * k]
+        rate = p.w[2 * k]
         for i in range(n):
             rate += p.W[2 * k, i] * v[i]
         if rate >= -slack:
             return OPEN
         return STICK if p.mu[k] > 0.0 else FORWARD
-    wanted = asked_by_force(mode, p.mu[k], normal, tangential, tiny)
+    wanted = _asked_by_force(mode, p.mu[k], normal, tangential, tiny)
     if wanted != BY_SLIP:
         return wanted
     slip = p.w[2 * k + 1] + p.R[k, 1, 0] * normal + p.R[k, 1, 1] * tangential
-    slip += give[2 * k + 1] * (tangential - centre[2 * k + 1])
     for i in range(n):
         slip += p.W[2 * k + 1, i] * v[i]
-    return STICK if slip * sign(mode) > slack else mode
+    return STICK if slip * _sign(mode) > slack else mode
 
 
 @inner_kernel
-def asked_by_force(mode: int, mu: float, normal: float, tangential: float, tiny: float) -> int:
+def _asked_by_force(mode: int, mu: float, normal: float, tangential: float, tiny: float) -> int:
     """The mode that the forces of a contact that is not open ask for; forces up to `tiny` are rounding."""
     if normal < -tiny:
         if mode == STICK and abs(tangential) > -mu * normal:
@@ -287,7 +260,7 @@ def asked_by_force(mode: int, mu: float, normal: float, tangential: float, tiny:
 
 
 @inner_kernel
-def asked_by_limit(mode: int, tau: float, limit: float) -> int:
+def _asked_by_limit(mode: int, tau: float, limit: float) -> int:
     """The mode that the force of a limited row asks for."""
     if mode != STICK:
         return BY_SLIP

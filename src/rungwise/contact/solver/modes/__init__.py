@@ -1,1 +1,0 @@
-"""Contact modes of few bodies in the plane, one linear system each."""
