@@ -347,6 +347,27 @@ FAULTS = (
         "turns at the start are not seen from the axes at the end",
     ),
     Fault(
+        "patch-bend", "src/rungwise/system/spatial/patch/ascent.py",
+        "return ee + p + u, ef + q + v, ff + r + w", "return ee + p, ef + q, ff + r",
+        ("tests/system/spatial/test_patch.py",), "the second geom's curvature is left out of Newton's method",
+    ),
+    Fault(
+        "patch-proof", "src/rungwise/system/spatial/patch/pairs.py",
+        "if not has_plane and not (_least(shared, patch) <= s + GAIN * size and s > -DEEP * size):",
+        "if not has_plane and not shared:",
+        ("tests/system/spatial/test_patch.py",), "a candidate is taken whose features do not touch",
+    ),
+    Fault(
+        "patch-deepest", "src/rungwise/system/spatial/patch/clip.py",
+        "    _admit(deepest, chosen, size, patch)\n", "",
+        ("tests/system/spatial/test_patch.py",), "the deepest of more than four places may be left out",
+    ),
+    Fault(
+        "field-beside", "src/rungwise/system/spatial/patch/fields.py",
+        "count = _sift(g, prism, before, count, wide, long, shapes, fields, frames, found)", "pass",
+        ("tests/simulation/spatial/test_held.py",), "edges between the triangles of a height field are bumps",
+    ),
+    Fault(
         "gap-of-derivative", "src/rungwise/simulation/derivatives/steps.py",
         '        terms.gap[:k] = held.terms["gap"]\n', "",
         ("tests/simulation/spatial/test_step_sensitivity.py",), "gaps are differenced twice",
