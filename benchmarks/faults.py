@@ -352,12 +352,6 @@ FAULTS = (
         ("tests/system/spatial/test_patch.py",), "the second geom's curvature is left out of Newton's method",
     ),
     Fault(
-        "patch-proof", "src/rungwise/system/spatial/patch/pairs.py",
-        "if not has_plane and not (_least(shared, patch) <= s + GAIN * size and s > -DEEP * size):",
-        "if not has_plane and not shared:",
-        ("tests/system/spatial/test_patch.py",), "a candidate is taken whose features do not touch",
-    ),
-    Fault(
         "patch-deepest", "src/rungwise/system/spatial/patch/clip.py",
         "    _admit(deepest, chosen, size, patch)\n", "",
         ("tests/system/spatial/test_patch.py",), "the deepest of more than four places may be left out",
