@@ -18,7 +18,7 @@ from rungwise.contact.least_degree import Pattern
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solver.groups import Counts, Groups
 from rungwise.contact.solver.kinds import natural_map, smooth_map
-from rungwise.contact.solver.settings import CYCLE, WIDE
+from rungwise.contact.solver.settings import WIDE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 
@@ -317,12 +317,11 @@ def descend(
     count: Ints,
 ) -> float:
     """Take at most so many Newton steps, each of the first of so many lengths, halved one by one, that lets
-    the map fall (whole steps, if one), until its size is within `goal`, or falls no more, or halt (1,)
-    is set. Returns the size; count[0] counts the steps."""
+    the map fall (whole steps, if one), until its size is within `goal`, or falls along none of them, or halt
+    (1,) is set. Returns the size; count[0] counts the steps."""
     size = evaluate(g, weight, smooth, x, v, xc, vc, room)
-    least, since = size, 0
     for step in range(most):
-        if size == 0.0 or (step > 0 and not size > goal * goal) or halt[0] != 0 or since == CYCLE:
+        if size == 0.0 or (step > 0 and not size > goal * goal) or halt[0] != 0:
             break
         count[0] += 1
         if not find_step(g, weight, room):
@@ -347,9 +346,7 @@ def descend(
             x[r] = room.xt[r]
         for i in range(len(v)):
             v[i] = room.vt[i]
-        size, since = newer, since + 1
-        if size < least:
-            least, since = size, 0
+        size = newer
     return math.sqrt(size)
 
 

@@ -17,16 +17,12 @@ CHANGE = 0.1
 GUESSES, STEPS, PROBLEMS, LENGTHS = 3, 20, 60, 8
 """Newton steps of the first guess, of a proximal problem, proximal problems, and lengths of a step that a
 line search tries."""
-CYCLE = 6
-"""Newton steps in which the map does not fall, after which they lead nowhere."""
 NEWTON_STEPS = 10_000
 """Newton steps at most, with all starts of all islands."""
 STARTS, GIVEN = 4, 2
 """Starts at most; and those from what is given, before those from the ends of paths."""
 HELD = 3
 """Proximal problems that are solved before a weight is tried again that was too little."""
-ENDLESS = 150
-"""Newton steps in which the residual does not fall by half, after which the solver gives up a start."""
 ROUNDING = 1e-14
 """Size of the map that is rounding, where the greatest load or demanded rate is one."""
 NOTHING = 1e-12

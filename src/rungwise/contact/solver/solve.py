@@ -24,7 +24,6 @@ from rungwise.contact.solver.residual import called, residual
 from rungwise.contact.solver.settings import (
     CHANGE,
     CORRECTIONS,
-    ENDLESS,
     ENOUGH,
     FASTER,
     FINEST,
@@ -288,7 +287,7 @@ def _approach(
     g: Groups, by: int, warm: bool, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints
 ) -> None:
     """The proximal point method from (x, v); `bare`: forces alone are held."""
-    least, since, found = _note(g, x, v, room), count[0], 0.0
+    least, found = _note(g, x, v, room), 0.0
     weight, held, falls, bare, tried = WEIGHT, 0, True, False, False
     set_pace(g, by, room)
     size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
@@ -299,7 +298,7 @@ def _approach(
             bare, tried, weight = True, True, min(weight / CHANGE**2, WEIGHT)
             copy(room.best_x, x)
             copy(room.best_v, v)
-        elif stalls if room.least[0] <= ENOUGH else count[0] - since > ENDLESS:
+        elif stalls and room.least[0] <= ENOUGH:
             break
         elif stalls and bare:
             bare = False
@@ -325,8 +324,7 @@ def _approach(
             weight, held, falls = WEIGHT if guess else min(weight / CHANGE, MOST), HELD, False
             continue
         falls = found < 0.5 * least
-        if falls:
-            least, since = found, count[0]
+        least = found if falls else least
         if room.least[0] <= GOAL and tried:
             break
         if guess and room.least[0] > ENOUGH:
