@@ -81,8 +81,8 @@ def reached(
 
 
 def _begins(arm: Chain, q: Reals) -> list[Reals]:
-    """Joints (k,) from which places of an arm are sought: those at q (n,); in space, where an arm has more
-    than touching takes, those of its home, its last hinge turned besides; and others in their ranges."""
+    """Joints (k,) from which places of an arm are sought: those at q (n,); then in space, where an arm has
+    more than touching takes, those of its home, its last hinge turned besides; and others in their ranges."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
     odd, found = np.arange(len(low)) % 2, [arm.joints(q)]
     if arm.posture is None and len(low) > 3 and arm.hinges[-1]:
@@ -91,7 +91,6 @@ def _begins(arm: Chain, q: Reals) -> list[Reals]:
             joints[-1] += roll
             if low[-1] <= joints[-1] <= high[-1]:
                 found.append(joints)
-        return found
     others = BEGUN if arm.hinges.any() else ()
     return [*found, *(low + np.abs(odd - part) * (high - low) for part in others)]
 
