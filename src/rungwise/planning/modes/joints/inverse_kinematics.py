@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from rungwise.kernel import Reals
 from rungwise.planning.modes.joints.chains import Chain
 from rungwise.world.carriers import Surroundings, frame_of
 
-BEGUN = (0.25, 0.75, 0.5)
-"""Parts of the ranges of joints from which places of arms are sought; of every other joint, what is left."""
+BEGUN = 12
+"""Places in the ranges of joints from which places of arms are sought."""
 ROLLS = (0.0, 0.5 * math.pi, -0.5 * math.pi)
 """Turns of an arm's last hinge, from its home, from which places in space are sought as well."""
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
@@ -75,7 +76,7 @@ def reached(
                 yield found
             else:
                 elsewhere.append(found)
-        elif in_space and np.linalg.norm(off[1:]) < BESIDE * wanted.size:
+        elif in_space and not _spares(arm) and np.linalg.norm(off[1:]) < BESIDE * wanted.size:
             yield _closed(around, arm, found, wanted)
     yield from elsewhere
 
@@ -84,15 +85,28 @@ def _begins(arm: Chain, q: Reals) -> list[Reals]:
     """Joints (k,) from which places of an arm are sought: those at q (n,); then in space, where an arm has
     more than touching takes, those of its home, its last hinge turned besides; and others in their ranges."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
-    odd, found = np.arange(len(low)) % 2, [arm.joints(q)]
-    if arm.posture is None and len(low) > 3 and arm.hinges[-1]:
+    found = [arm.joints(q)]
+    if _spares(arm):
         for roll in ROLLS:
             joints = arm.home.copy()
             joints[-1] += roll
             if low[-1] <= joints[-1] <= high[-1]:
                 found.append(joints)
-    others = BEGUN if arm.hinges.any() else ()
-    return [*found, *(low + np.abs(odd - part) * (high - low) for part in others)]
+    return [*found, *_spread(low, high)] if arm.hinges.any() else found
+
+
+def _spread(low: Reals, high: Reals) -> Reals:
+    """Joints (m, k) between these bounds, far from each other: an additive recurrence, whose ratio is the
+    golden section's in more dimensions."""
+    k = np.arange(1, len(low) + 1)
+    ratio = brentq(lambda x: x ** (len(low) + 1) - x - 1.0, 1.0, 2.0)
+    parts = (0.5 + np.arange(BEGUN)[:, None] * ratio**-k) % 1.0
+    return np.asarray(low + parts * (high - low))
+
+
+def _spares(arm: Chain) -> bool:
+    """Whether an arm in space has more joints than touching takes, of which the last turns its hand."""
+    return bool(arm.posture is None and len(arm.hinges) > 3 and arm.hinges[-1])
 
 
 def _touching(
@@ -184,9 +198,7 @@ def laid(around: Surroundings, arm: Chain, q: Reals, wanted: Reach) -> Iterator[
     damped least squares on the joints, from where they are and from others, until that side faces the object
     there; then along the normal until it touches."""
     low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
-    odd = np.arange(len(low)) % 2
-    others = BEGUN if arm.hinges.any() else ()
-    begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in others)]
+    begun = [arm.joints(q), *(_spread(low, high) if arm.hinges.any() else ())]
     _, turn = frame_of(around.poses(q)[wanted.body])
     sides = sorted(sides_of(around, wanted.body), key=lambda side: float(turn @ side[1] @ wanted.normal))
     for side in sides:
