@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, kernel, rare_kernel
 from rungwise.models.limit import STIR, greatest_load, noticed_load
 from rungwise.simulation.core.state import Scratch, Trial
@@ -24,25 +25,36 @@ the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade.""
 
 
 @kernel
-def keep_near(h: float, near: float, contacts: int, speed: Reals, terms: Terms, scratch: Scratch) -> int:
-    """How many contacts are closer than `near`, or closed by driven motion within h; they come first then, in
-    place of the others. Where none of the others pushes, all stay."""
-    d, far = terms.contact_stiffness.shape[1], False
-    for k in range(contacts):
-        far |= scratch.contact_force[d * k] > 0.0 and not _is_near(k, d, h, near, speed, terms)
-    if not far:
-        return contacts
-    count = 0
-    for k in range(contacts):
-        if _is_near(k, d, h, near, speed, terms):
-            _put(k, count, d, terms, scratch)
+def pushes_far(trial: Trial, near: float) -> bool:
+    """Whether a contact pushes in the solution that is far where the step begins (see `is_near`)."""
+    d = trial.terms.contact_stiffness.shape[1]
+    for k in range(trial.contacts):
+        if trial.scratch.contact_force[d * k] > 0.0 and not is_near(trial, near, k):
+            return True
+    return False
+
+
+@kernel
+def keep_near(trial: Trial, near: float) -> int:
+    """How many contacts are near where the step begins (see `is_near`); they come first then, in place of the
+    others."""
+    count, d = 0, trial.terms.contact_stiffness.shape[1]
+    for k in range(trial.contacts):
+        if is_near(trial, near, k):
+            _put(k, count, d, trial.terms, trial.scratch)
             count += 1
     return count
 
 
 @kernel
-def _is_near(k: int, d: int, h: float, near: float, speed: Reals, terms: Terms) -> bool:
-    return bool(terms.gap[k] <= max(near, -h * rate(terms.entries, terms.rows, d * k, d, speed)))
+def is_near(trial: Trial, near: float, k: int) -> bool:
+    """Whether contact k is no farther than `near`, driven motion closes it in the step, or it pushed in the
+    last step: a step that takes faces as flat may leave it a little open."""
+    _, h, terms, _, state, scratch, _ = trial
+    d, gap = terms.contact_stiffness.shape[1], terms.gap[k]
+    if gap <= near or state.modes[scratch.slots[k]] != OPEN:
+        return True
+    return bool(gap <= -h * rate(terms.entries, terms.rows, d * k, d, state.speed))
 
 
 @kernel

@@ -21,7 +21,7 @@ from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.balance import keep_near
+from rungwise.simulation.core.balance import keep_near, pushes_far
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
 from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
@@ -125,7 +125,8 @@ class Stepper:
         self.crawl = Crawl(self.step, self.time)
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
-        self._pace, self._fill_pace, self._keep_near = np.zeros(n), steady(fill_pace), steady(keep_near)
+        self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
+        self._keep_near, self._pushes_far = steady(keep_near), steady(pushes_far)
         self._fall = Fall(self.system, self.rung, self._further is not None and self._further.pulls)
         self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
         self.clock["limited"] = size.limited
@@ -249,9 +250,10 @@ class Stepper:
         """
         size, state, scratch, v = self.system.size, self.state, self.scratch, self.scratch.v_new.copy()
         driven = h * self.system.fastest(self.q, state.speed)
-        everything, near = self.contacts, NEAR * size.length
-        self.contacts = self._keep_near(h, near, everything, state.speed, self.terms, scratch)
-        lone = self.contacts < everything
+        near = NEAR * size.length
+        lone = bool(self._pushes_far(self._tried(h), near))
+        if lone:
+            self.contacts = int(self._keep_near(self._tried(h), near))
         if lone and self._again(h) != SUPPORTED:
             return (UNSUPPORTED, state.v) if driven < STUCK * size.length else (UNSOLVED, state.speed)
         if lone:

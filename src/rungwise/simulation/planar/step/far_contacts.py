@@ -8,18 +8,17 @@ drives and dry friction: what balances only against others got there by momentum
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, SOLVED
-from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
+from rungwise.contact.step import SOLVED
+from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
-from rungwise.simulation.core.balance import is_balanced
+from rungwise.simulation.core.balance import is_balanced, keep_near, pushes_far
 from rungwise.simulation.core.step import SUPPORTED, solve_assembled
 from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.planar.state.nearby import gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.simulation.planar.step.leaps import HEAVIER, LEFT, displacement, solve_again
 from rungwise.simulation.planar.step.preferred_motion import choose_motion
-from rungwise.system.entries import fill_span, rate
 
 
 @kernel
@@ -28,14 +27,11 @@ def strides(rung: RecordArray, h: float, contacts: int, workspace: Workspace) ->
     driven motion, or far with more inertia in the balance than the limit leaves there."""
     if rung[0].inertia > 0.0 or not rung[0].loads:
         return False
-    state, terms, scratch, met = workspace.state, workspace.terms, workspace.scratch, False
-    for k in range(contacts):
-        met |= scratch.contact_force[2 * k] > 0.0 and not _is_within(h, k, workspace)
+    state, terms, trial = workspace.state, workspace.terms, trial_in(rung, h, contacts, workspace)
+    met = pushes_far(trial, NEAR * state.clock[0].reach)
     if met and greatest_load(terms, state.clock[0].free, state.free)[0] == 0.0:
         return False
-    return met or (
-        state.clock[0].leaping > 0.0 and not is_balanced(trial_in(rung, h, contacts, workspace), LEFT)
-    )
+    return met or (state.clock[0].leaping > 0.0 and not is_balanced(trial, LEFT))
 
 
 @rare_kernel
@@ -43,11 +39,7 @@ def stands(records: Records, rung: RecordArray, h: float, shortest: float, works
     """Whether contacts within that reach balance the loads alone, in a motion that inertia does not bound. If
     not, their problem is left in the workspace, else the solution is as it was."""
     clock = workspace.state.clock[0]
-    everything, clock.contacts = clock.contacts, 0
-    for k in range(everything):
-        if _is_within(h, k, workspace):
-            _put(k, clock.contacts, workspace)
-            clock.contacts += 1
+    clock.contacts = keep_near(trial_in(rung, h, clock.contacts, workspace), NEAR * clock.reach)
     held = solve_again(rung, h, workspace) == SUPPORTED and not _is_bound_by_inertia(
         records, rung, h, workspace
     )
@@ -76,30 +68,3 @@ def _is_bound_by_inertia(records: Records, rung: RecordArray, h: float, workspac
         scratch.v_new[state.free[i]] = scratch.x[i]
     less, _ = displacement(records, h, workspace)
     return bool(less < 0.5 * moved)
-
-
-@inner_kernel
-def _is_within(h: float, k: int, workspace: Workspace) -> bool:
-    """Whether contact k is closed, what is driven closes it in a step of length h, or it pushed in the last
-    step: a step that takes faces as flat may leave it a little open."""
-    state, gap = workspace.state, workspace.terms.gap[k]
-    if gap <= NEAR * state.clock[0].reach or state.modes[workspace.scratch.slots[k]] != OPEN:
-        return True
-    return bool(gap <= -h * rate(workspace.terms.entries, workspace.terms.rows, 2 * k, 2, state.speed))
-
-
-@rare_kernel
-def _put(k: int, at: int, workspace: Workspace) -> None:
-    """Write what belongs to contact k in the place of contact `at`."""
-    terms = workspace.terms
-    workspace.scratch.slots[at] = workspace.scratch.slots[k]
-    for values in (terms.gap, terms.lever, terms.friction, terms.restitution):
-        values[at] = values[k]
-    for i in range(2):
-        terms.deformation[2 * at + i] = terms.deformation[2 * k + i]
-        for j in range(2):
-            terms.contact_stiffness[at, i, j] = terms.contact_stiffness[k, i, j]
-            terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
-        for j in range(terms.rows.shape[1]):
-            terms.rows[2 * at + i, j] = terms.rows[2 * k + i, j]
-    fill_span(terms.entries, at, terms.rows.shape[1])
