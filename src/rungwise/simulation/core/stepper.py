@@ -103,6 +103,7 @@ class Stepper:
     leapt: float = field(init=False, default=0.0)
     snaps: bool = field(init=False, default=False)
     _leaping: float = field(init=False, default=0.0)
+    _allowed: float = field(init=False, default=0.0)
     _fall: Fall = field(init=False)
     _told: float = field(init=False, default=math.nan)
 
@@ -154,6 +155,7 @@ class Stepper:
         none. Where nothing moves farther than `tol` in the step, it is small enough.
         """
         asked, landed, self._fall.follows, self._told = False, False, tol < math.inf, math.nan
+        self._allowed = tol if tol < math.inf and self.rung.inertia == 0.0 else 0.0
         planned = h = self._until_edge(h)
         shortest = math.ldexp(h, -MAX_HALVINGS)
         while True:
@@ -198,7 +200,8 @@ class Stepper:
         return 0.5 * change, 0.5 * h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(old)))
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
-        """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
+        """The status of a step of length h, and its velocities (n_v,), or how fast things would move if it is
+        refused; `_trial` is where they lead."""
         self.attempts += 1
         self.crawl.attempts += 1
         self._cause, self._leaping, size = INSOLUBLE, 0.0, self.system.size
@@ -206,11 +209,11 @@ class Stepper:
         self.clock["tried"] = h
         before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
         self._trial, reach, begins = self.q, self._reach(h), True
-        v = led = self.state.v
+        led, fastest = self.state.v, np.abs(self.state.v)
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             if not self._fill(self._trial, led, h, reach):
                 self._cause = FAR
-                return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
+                return UNSOLVED, np.maximum(np.abs(self._pace), fastest)
             status = self._again(h)
             if status != SUPPORTED:
                 return status, self.state.v
@@ -223,6 +226,7 @@ class Stepper:
                 reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
                 continue
             v = self.scratch.v_new.copy()
+            fastest = np.maximum(fastest, np.abs(v))
             led = self._fall.leads(self._tried(h), self.q, v)
             if way > size.thin and self.system.passes(self.q, led, h):
                 break
@@ -232,7 +236,7 @@ class Stepper:
             if begins:
                 self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
         self._cause = OVERLAPPING
-        return UNSOLVED, v
+        return UNSOLVED, fastest
 
     def _leads_far(self, way: float) -> bool:
         """Whether a step without momentum goes so far that it may leap."""
@@ -323,6 +327,7 @@ class Stepper:
         falls = h if self.rung.inertia > 0.0 else 0.0
         self._fill_pace(self.state.v, self.state.speed, self.terms.fall, falls, self._pace)
         reach = SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
+        reach = max(reach, self._allowed)  # steps may leave what pushes so far open
         return max(reach, -math.inf if self._further is None else self._further.named.within)
 
     def _fill(self, trial: Reals, v: Reals, h: float, reach: float) -> bool:
