@@ -152,6 +152,28 @@ def test_no_other_normal_leads_out_of_a_small_overlap_sooner(kinds: tuple[str, s
                 assert max(map(own.along, others)) < found + 1e-8 * own.size
 
 
+@pytest.mark.few(4)
+@pytest.mark.parametrize("lean", [0.0, 1e-6, 1e-3, 0.02, 0.06])
+def test_no_gap_of_cans_on_cans_is_less_than_their_distance(lean: float) -> None:
+    """Where tilted rims cross they are ellipses; all places are on both ends, within their rims."""
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        sizes = 10.0 ** rng.uniform(-1.5, -0.5, (2, 2))
+        own = Pair(*(f'type="cylinder" size="{r} {half}"' for r, half in sizes))
+        turn, way = UPRIGHT + 0.5 * lean * rng.normal(size=4), rng.normal(size=2)
+        off = rng.uniform(0.0, 1.0) * sizes[:, 0].sum() * way / np.linalg.norm(way)
+        far = sizes[:, 1].sum() + 0.1 * sizes[:, 0].max()
+        q = np.concatenate([np.zeros(3), UPRIGHT, off, [far], turn / np.linalg.norm(turn)])
+        own.approach(q, -1e-6 * own.size)
+        met, found = own.meet(), own.geoms.distance(0, 1)[0]
+        if abs(met.normal[2]) < 0.99:  # side by side
+            continue
+        assert met.gaps.min() == pytest.approx(found, abs=1e-9 * own.size)
+        for place, gap in zip(met.places, met.gaps, strict=True):
+            ends = place + 0.5 * gap * np.outer((-1.0, 1.0), met.normal)
+            assert all(is_in(own, g, end, 1e-8 * own.size) for g, end in enumerate(ends))
+
+
 def matched(one: Array, other: Array) -> float:
     """How far each point of either set (c, 3) is from the nearest of the other one, at most."""
     away = np.linalg.norm(one[:, None] - other, axis=2)

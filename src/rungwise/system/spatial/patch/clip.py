@@ -40,6 +40,10 @@ rounding."""
 EVEN = 1e-5
 """Part of the smaller geom's size by which depths are told apart where places are chosen, a tenth of the
 overlap that a rigid step may have: the choice does not change with what hardly matters."""
+ARCS = 16
+"""Parts of a rim in each of which it crosses another one once at most."""
+STEPS = 50
+"""Steps to a crossing, of which some eight are needed."""
 FARTHER = 1e-6
 """Part by which a place must be farther away than another to be chosen instead, for the same reason."""
 DISC, HALF_SPACE = -1, 0
@@ -396,19 +400,54 @@ def _cross_disc(disc: Reals, lines: Reals, n: int, side: int, tol: float, places
 
 @kernel
 def _cross_discs(one: Reals, other: Reals, tol: float, places: Reals, count: int) -> int:
-    """Add where two rims cross, which are circles but for a tilt of `FACING`."""
-    r, s = _radius(one), _radius(other)
-    x, y = other[0, 0] - one[0, 0], other[0, 1] - one[0, 1]
-    d = math.sqrt(x * x + y * y)
-    if not abs(r - s) < d < r + s:
-        return count
-    x, y, along = x / d, y / d, 0.5 * (d + (r * r - s * s) / d)
-    aside = math.sqrt(max(r * r - along * along, 0.0))
-    for k in range(2):
-        far = aside if k == 0 else -aside
-        u, v = one[0, 0] + along * x - far * y, one[0, 1] + along * y + far * x
-        count = _put(places, count, u, v, _height(one, DISC, u, v), _height(other, DISC, u, v), 3000 + k, tol)
+    """Add where two rims cross, of which each is an ellipse if it is tilted: at four places at most. They are
+    sought from the direction between the centres on, in which rims that only just cross do so."""
+    x, y = _on_disc(one, other[0, 0], other[0, 1])
+    start = math.atan2(y, x)
+    low, before = start, _beyond(one, other, start)
+    for k in range(1, ARCS + 1):
+        high = start + k * 2.0 * math.pi / ARCS
+        after = _beyond(one, other, high)
+        if (before > 0.0) != (after > 0.0):
+            angle = _crossing(one, other, low, high, before, after)
+            u, v = _on_rim(one, angle)
+            first, second = _height(one, DISC, u, v), _height(other, DISC, u, v)
+            count = _put(places, count, u, v, first, second, 3000 + k, tol)
+        low, before = high, after
     return count
+
+
+@kernel
+def _on_rim(disc: Reals, angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return disc[0, 0] + c * disc[1, 0] + s * disc[2, 0], disc[0, 1] + c * disc[1, 1] + s * disc[2, 1]
+
+
+@kernel
+def _beyond(one: Reals, other: Reals, angle: float) -> float:
+    """How far a point of a rim is beyond another one, over the radius of this."""
+    x, y = _on_rim(one, angle)
+    a, b = _on_disc(other, x, y)
+    return math.sqrt(a * a + b * b) - 1.0
+
+
+@kernel
+def _crossing(one: Reals, other: Reals, low: float, high: float, before: float, after: float) -> float:
+    """The angle at which a rim crosses another one, between two on either side of it: by the false position,
+    where an end that stays again counts half (Illinois)."""
+    angle, kept = low, 0
+    for _ in range(STEPS):
+        angle = low - before * (high - low) / (after - before)
+        found = _beyond(one, other, angle)
+        if abs(found) <= LEVEL:
+            break
+        if (found > 0.0) == (before > 0.0):
+            low, before = angle, found
+            after, kept = after if kept != 1 else 0.5 * after, 1
+        else:
+            high, after = angle, found
+            before, kept = before if kept != -1 else 0.5 * before, -1
+    return angle
 
 
 @kernel
