@@ -174,6 +174,23 @@ def test_no_gap_of_cans_on_cans_is_less_than_their_distance(lean: float) -> None
             assert all(is_in(own, g, end, 1e-8 * own.size) for g, end in enumerate(ends))
 
 
+@pytest.mark.parametrize("kinds", EVERY, ids="-".join)
+def test_no_other_normal_leads_out_of_a_deep_overlap_much_sooner(kinds: tuple[str, str]) -> None:
+    """Of geoms whose middles are together, or as far apart as the smaller one is thick: in either order."""
+    rng = np.random.default_rng(7)
+    ways = rng.normal(size=(300, 3))
+    for _ in range(5):
+        own = pair(kinds, rng)
+        for part in (0.0, 1e-15, 1e-6, 0.1, 0.5, 1.0):
+            turn, way = rng.normal(size=(2, 4)), rng.normal(size=3)
+            turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+            away = part * own.size * way / np.linalg.norm(way)
+            own.put(np.concatenate([np.zeros(3), turn[0], away, turn[rng.integers(2)]]))
+            best = max(map(own.along, ways))
+            assert own.meet().gaps.min() == pytest.approx(own.geoms.distance(0, 1)[0], abs=1e-7 * own.size)
+            assert all(best < 0.9 * own.meet(a, 1 - a).gaps.min() for a in (0, 1))
+
+
 def matched(one: Array, other: Array) -> float:
     """How far each point of either set (c, 3) is from the nearest of the other one, at most."""
     away = np.linalg.norm(one[:, None] - other, axis=2)
