@@ -56,6 +56,10 @@ class Pair:
         count = meet(a, b, within, self.shapes, frames, self._scratch, found, 0)
         return Met(found.place[:count].copy(), found.gap[:count].copy(), found.normal[0].copy())
 
+    def normals(self, count: int) -> Array:
+        """The normals (count, 3) of the contacts found last."""
+        return self._found.normal[:count].copy()
+
     def along(self, n: Array) -> float:
         x, y, z = (n / np.linalg.norm(n)).tolist()
         return separation(0, 1, x, y, z, self.shapes, self.geoms.frames)
@@ -189,6 +193,27 @@ def test_no_other_normal_leads_out_of_a_deep_overlap_much_sooner(kinds: tuple[st
             best = max(map(own.along, ways))
             assert own.meet().gaps.min() == pytest.approx(own.geoms.distance(0, 1)[0], abs=1e-7 * own.size)
             assert all(best < 0.9 * own.meet(a, 1 - a).gaps.min() for a in (0, 1))
+
+
+@pytest.mark.parametrize("kinds", [("capsule", "capsule"), ("capsule", "cylinder"), ("box", "capsule")])
+@pytest.mark.parametrize("angle", [1e-4, 1e-3, 0.01, 0.05, 0.09])
+def test_gaps_of_sides_that_nearly_lie_along_each_other_change_as_their_normals_say(
+    kinds: tuple[str, str], angle: float
+) -> None:
+    """A gap that changes by what is not along its normal would gain energy."""
+    rng = np.random.default_rng(5)
+    sizes = {"capsule": ".02 .1", "cylinder": ".03 .08", "box": ".02 .02 .1"}
+    own = Pair(*(f'type="{kind}" size="{sizes[kind]}"' for kind in kinds))
+    for _ in range(10):
+        turn = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0])
+        q = own.approach(np.concatenate([np.zeros(3), UPRIGHT, [0.2, 0.001, 0.01], turn]), 1e-4)
+        before, rate, step = own.meet(), rng.uniform(-1.0, 1.0, 3), 1e-7
+        normals = own.normals(len(before.gaps))
+        q[7:10] += step * rate
+        own.put(q)
+        after = own.meet()
+        assert len(after.gaps) == len(before.gaps) > 1
+        np.testing.assert_allclose((after.gaps - before.gaps) / step, normals @ rate, atol=2e-3)
 
 
 def matched(one: Array, other: Array) -> float:
