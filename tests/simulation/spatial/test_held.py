@@ -13,7 +13,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 
 from .conftest import Make
 from .measure import FLOOR, world
-from .rungs import DYNAMIC, WITH_LOADS, named
+from .rungs import COMPLIANT, DYNAMIC, WITH_LOADS, named
 
 LIES = 'euler="90 0 0"'
 PADS = {
@@ -95,6 +95,20 @@ def test_what_lies_across_other_bodies_lies_still(make: Make, name: str, rung: R
     below, geom, height = RESTS[name]
     body = f'<body name="b" pos="0 0 {height:.12f}"><freejoint/><geom {geom} mass=".1" friction=".7"/></body>'
     assert lies_still(rw.simulate(make(world(below, body), duration=0.2, step=2e-3), rung))
+
+
+@pytest.mark.parametrize("rung", COMPLIANT, ids=named)
+@pytest.mark.parametrize("angle", [0.0, 0.005, 0.01, 0.015, 0.05])
+def test_a_log_that_lies_nearly_along_another_does_not_turn(make: Make, angle: float, rung: Rung) -> None:
+    """It is held across by joints; the places at both of its ends come and go together."""
+    log = 'type="capsule" size=".02 .1" euler="90 0 0"'
+    body = (
+        f'<body name="b" pos="0 0 .06" euler="0 0 {np.degrees(angle)}"><joint type="slide" axis="0 0 1"/>'
+        f'<joint axis="0 0 1"/><joint axis="1 0 0"/><geom {log} mass=".1" friction=".7"/></body>'
+    )
+    run = rw.simulate(make(world(f'<geom {log} pos="0 0 .02"/>', body), duration=0.3, step=2e-3), rung)
+    assert lies_still(run, 2e-4) and abs(run.frames[-1].q[1] - run.frames[0].q[1]) < 2e-5
+    assert np.ptp([each.q for each in run.frames[-20:]], axis=0).max() < 1e-12
 
 
 FIELD = '<hfield name="h" nrow="21" ncol="21" size=".2 .2 .05 .05" elevation="{}"/>'

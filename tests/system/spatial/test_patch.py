@@ -56,6 +56,10 @@ class Pair:
         count = meet(a, b, within, self.shapes, frames, self._scratch, found, 0)
         return Met(found.place[:count].copy(), found.gap[:count].copy(), found.normal[0].copy())
 
+    def normals(self, count: int) -> Array:
+        """The normals (count, 3) of the contacts found last."""
+        return self._found.normal[:count].copy()
+
     def along(self, n: Array) -> float:
         x, y, z = (n / np.linalg.norm(n)).tolist()
         return separation(0, 1, x, y, z, self.shapes, self.geoms.frames)
@@ -150,6 +154,66 @@ def test_no_other_normal_leads_out_of_a_small_overlap_sooner(kinds: tuple[str, s
             for turn in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
                 others = met.normal + turn * rng.normal(size=(10, 3))
                 assert max(map(own.along, others)) < found + 1e-8 * own.size
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("lean", [0.0, 1e-6, 1e-3, 0.02, 0.06])
+def test_no_gap_of_cans_on_cans_is_less_than_their_distance(lean: float) -> None:
+    """Where tilted rims cross they are ellipses; all places are on both ends, within their rims."""
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        sizes = 10.0 ** rng.uniform(-1.5, -0.5, (2, 2))
+        own = Pair(*(f'type="cylinder" size="{r} {half}"' for r, half in sizes))
+        turn, way = UPRIGHT + 0.5 * lean * rng.normal(size=4), rng.normal(size=2)
+        off = rng.uniform(0.0, 1.0) * sizes[:, 0].sum() * way / np.linalg.norm(way)
+        far = sizes[:, 1].sum() + 0.1 * sizes[:, 0].max()
+        q = np.concatenate([np.zeros(3), UPRIGHT, off, [far], turn / np.linalg.norm(turn)])
+        own.approach(q, -1e-6 * own.size)
+        met, found = own.meet(), own.geoms.distance(0, 1)[0]
+        if abs(met.normal[2]) < 0.99:  # side by side
+            continue
+        assert met.gaps.min() == pytest.approx(found, abs=1e-9 * own.size)
+        for place, gap in zip(met.places, met.gaps, strict=True):
+            ends = place + 0.5 * gap * np.outer((-1.0, 1.0), met.normal)
+            assert all(is_in(own, g, end, 1e-8 * own.size) for g, end in enumerate(ends))
+
+
+@pytest.mark.parametrize("kinds", EVERY, ids="-".join)
+def test_no_other_normal_leads_out_of_a_deep_overlap_much_sooner(kinds: tuple[str, str]) -> None:
+    """Of geoms whose middles are together, or as far apart as the smaller one is thick: in either order."""
+    rng = np.random.default_rng(7)
+    ways = rng.normal(size=(300, 3))
+    for _ in range(5):
+        own = pair(kinds, rng)
+        for part in (0.0, 1e-15, 1e-6, 0.1, 0.5, 1.0):
+            turn, way = rng.normal(size=(2, 4)), rng.normal(size=3)
+            turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+            away = part * own.size * way / np.linalg.norm(way)
+            own.put(np.concatenate([np.zeros(3), turn[0], away, turn[rng.integers(2)]]))
+            best = max(map(own.along, ways))
+            assert own.meet().gaps.min() == pytest.approx(own.geoms.distance(0, 1)[0], abs=1e-7 * own.size)
+            assert all(best < 0.9 * own.meet(a, 1 - a).gaps.min() for a in (0, 1))
+
+
+@pytest.mark.parametrize("kinds", [("capsule", "capsule"), ("capsule", "cylinder"), ("box", "capsule")])
+@pytest.mark.parametrize("angle", [1e-4, 1e-3, 0.01, 0.05, 0.09])
+def test_gaps_of_sides_that_nearly_lie_along_each_other_change_as_their_normals_say(
+    kinds: tuple[str, str], angle: float
+) -> None:
+    """A gap that changes by what is not along its normal would gain energy."""
+    rng = np.random.default_rng(5)
+    sizes = {"capsule": ".02 .1", "cylinder": ".03 .08", "box": ".02 .02 .1"}
+    own = Pair(*(f'type="{kind}" size="{sizes[kind]}"' for kind in kinds))
+    for _ in range(10):
+        turn = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0])
+        q = own.approach(np.concatenate([np.zeros(3), UPRIGHT, [0.2, 0.001, 0.01], turn]), 1e-4)
+        before, rate, step = own.meet(), rng.uniform(-1.0, 1.0, 3), 1e-7
+        normals = own.normals(len(before.gaps))
+        q[7:10] += step * rate
+        own.put(q)
+        after = own.meet()
+        assert len(after.gaps) == len(before.gaps) > 1
+        np.testing.assert_allclose((after.gaps - before.gaps) / step, normals @ rate, atol=2e-3)
 
 
 def matched(one: Array, other: Array) -> float:

@@ -160,24 +160,20 @@ def touching_pairs(model: mujoco.MjModel) -> Ints:
     m, weld = model, model.body_weldid
     if m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
         return np.zeros((0, 2), np.int64)
-    parent = weld[m.body_parentid[weld]]
-    filters = not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-    named = {tuple(sorted(pair)) for pair in zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)}
-    excluded = set(m.exclude_signature.tolist())
-    found = set(named)
-    for a in range(m.ngeom):
-        one = int(m.geom_bodyid[a])
-        for b in range(a + 1, m.ngeom):
-            two = int(m.geom_bodyid[b])
-            near = weld[one] == parent[two] or weld[two] == parent[one]
-            if (
-                weld[one] != weld[two]
-                and not (filters and near and weld[one] and weld[two])
-                and (min(one, two) << 16) + max(one, two) not in excluded
-                and (m.geom_contype[a] & m.geom_conaffinity[b] or m.geom_contype[b] & m.geom_conaffinity[a])
-            ):
-                found.add((a, b))
-    return np.array(sorted(found), np.int64).reshape(-1, 2)
+    parent, count = weld[m.body_parentid[weld]], m.ngeom
+    a, b = np.triu_indices(count, 1)
+    one, two = m.geom_bodyid[a], m.geom_bodyid[b]
+    mine, other = weld[one], weld[two]
+    moves = mine != other
+    if not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        is_near = (mine == parent[other]) | (other == parent[mine])
+        moves &= ~(is_near & (mine > 0) & (other > 0))
+    is_excluded = np.isin((np.minimum(one, two) << 16) + np.maximum(one, two), m.exclude_signature)
+    fits = (m.geom_contype[a] & m.geom_conaffinity[b]) | (m.geom_contype[b] & m.geom_conaffinity[a])
+    chosen = moves & ~is_excluded & (fits != 0)
+    named = np.sort(np.stack([m.pair_geom1, m.pair_geom2]), axis=0).astype(np.int64)
+    numbers = np.unique(np.append(a[chosen] * count + b[chosen], named[0] * count + named[1]))
+    return np.stack(np.divmod(numbers, max(count, 1)), axis=1)
 
 
 def _sizes(model: mujoco.MjModel) -> Reals:

@@ -40,6 +40,10 @@ rounding."""
 EVEN = 1e-5
 """Part of the smaller geom's size by which depths are told apart where places are chosen, a tenth of the
 overlap that a rigid step may have: the choice does not change with what hardly matters."""
+ARCS = 16
+"""Parts of a rim in each of which it crosses another one once at most."""
+STEPS = 50
+"""Steps to a crossing, of which some eight are needed."""
 FARTHER = 1e-6
 """Part by which a place must be farther away than another to be chosen instead, for the same reason."""
 DISC, HALF_SPACE = -1, 0
@@ -48,9 +52,10 @@ other, and the one towards the other geom; of a half space the level of its plan
 
 
 class Patch(Block):
-    """Features (k, 3) of both geoms, and the places (t, 5) that they share: two coordinates across the
-    normal, heights of both features along it, and a number; keep (4,): those that are kept; axes (3, 3):
-    the directions of the two coordinates and the normal; origin (3,)."""
+    """Features (k, 3) of both geoms, and the places (t, 7) that they share: two coordinates across the
+    normal, heights of both features along it, a number, and how far their own normals lean along both
+    coordinates; keep (4,): those that are kept; axes (3, 3): the directions of the two coordinates and the
+    normal; origin (3,)."""
 
     one: Reals
     other: Reals
@@ -64,22 +69,22 @@ def allocate_patch(shapes: Shapes) -> Patch:
     """With room for the faces of these shapes."""
     most = int(np.diff(shapes.face_at).max(initial=4)) + 4
     return Patch(
-        one=np.zeros((most, 3)), other=np.zeros((most, 3)), places=np.zeros((4 * most + 16, 5)),
+        one=np.zeros((most, 3)), other=np.zeros((most, 3)), places=np.zeros((4 * most + 16, 7)),
         keep=np.zeros(4, np.int64), axes=np.zeros((3, 3)), origin=np.zeros(3),
     )  # fmt: skip
 
 
 @kernel
-def clip(a: int, b: int, n: Reals, apart: float, shapes: Shapes, frames: Frames, patch: Patch) -> int:
-    """Fill in the places that the features of two geoms share, which are `apart` along the unit normal n (3,)
-    from a to b; returns how many there are."""
+def clip(a: int, b: int, n: Reals, shapes: Shapes, frames: Frames, patch: Patch) -> int:
+    """Fill in the places that the features of two geoms share, seen along the unit normal n (3,) from a to b;
+    returns how many there are."""
     size = min(shapes.inner[a], shapes.inner[b])
     _look_along(n, frames.place[b] if shapes.kind[a] == PLANE else frames.place[a], patch)
     first, one_round = _feature(a, 1.0, shapes, frames, patch, patch.one)
     second, other_round = _feature(b, -1.0, shapes, frames, patch, patch.other)
     one, other, tol = patch.one, patch.other, ONE * size
     if first == 2 and second == 2:
-        return _lines(one, other, one_round + other_round, apart, tol, patch.places)
+        return _lines(one, other, one_round, other_round, tol, patch.places)
     count = 0
     for side in range(2):
         own, mine = (one, first) if side == 0 else (other, second)
@@ -303,15 +308,16 @@ def _put(
             return count
     if count < places.shape[0]:
         own = places[count]
-        own[0], own[1], own[2], own[3], own[4] = x, y, low, high, name
+        own[0], own[1], own[2], own[3], own[4], own[5], own[6] = x, y, low, high, name, 0.0, 0.0
         count += 1
     return count
 
 
 @kernel
-def _lines(one: Reals, other: Reals, round_: float, apart: float, tol: float, places: Reals) -> int:
-    """Of two segments the ends beside the other one, and where they cross."""
-    count = 0
+def _lines(one: Reals, other: Reals, one_round: float, other_round: float, tol: float, places: Reals) -> int:
+    """Of two segments the ends beside the other one, and where they cross. Round sides fall away from each
+    other: beside their crossing the way from one axis to the other is the normal."""
+    count, radii = 0, one_round + other_round
     ax, ay, bx, by = (
         one[1, 0] - one[0, 0],
         one[1, 1] - one[0, 1],
@@ -339,16 +345,26 @@ def _lines(one: Reals, other: Reals, round_: float, apart: float, tol: float, pl
                 beside[0, 1] + t * dy,
                 beside[0, 2] + t * (beside[1, 2] - beside[0, 2]),
             )
-            off = math.sqrt((own[i, 0] - x) ** 2 + (own[i, 1] - y) ** 2)
-            low, high = (own[i, 2], h) if side == 0 else (h, own[i, 2])
-            if round_ > 0.0:  # round sides fall away from each other
-                radius = round_ + apart
-                far = 0.5 * (math.sqrt(radius * radius + off * off) - radius)
-                low, high = low - far, high + far
-            elif off > tol:
+            u, v, low = x - own[i, 0], y - own[i, 1], own[i, 2] if side == 0 else h
+            off, gap = math.sqrt(u * u + v * v), h - own[i, 2] if side == 0 else own[i, 2] - h
+            if radii == 0.0 and off > tol:
                 continue
-            x, y = 0.5 * (x + own[i, 0]), 0.5 * (y + own[i, 1])
-            count = _put(places, count, x, y, low, high, 10 + 2 * side + i, tol)
+            lean = 0.0
+            if gap + radii > off:  # else the axes have passed each other
+                lean = 1.0 / math.sqrt(off * off + (gap + radii) ** 2)
+                gap = 1.0 / lean - radii
+            u, v = lean * u, lean * v
+            part = (one_round if side == 0 else other_round) + 0.5 * gap
+            upright = math.sqrt(1.0 - u * u - v * v)
+            middle, before = low - one_round + (one_round + 0.5 * gap) * upright, count
+            # Two ends beside each other are one place.
+            count = _put(
+                places, count, own[i, 0] + part * u, own[i, 1] + part * v, middle - 0.5 * gap,
+                middle + 0.5 * gap, 10 + 2 * side + i, max(tol, off),
+            )  # fmt: skip
+            if count > before:
+                sign = 1.0 if side == 0 else -1.0
+                places[before, 5], places[before, 6] = sign * u, sign * v
     return count
 
 
@@ -396,19 +412,54 @@ def _cross_disc(disc: Reals, lines: Reals, n: int, side: int, tol: float, places
 
 @kernel
 def _cross_discs(one: Reals, other: Reals, tol: float, places: Reals, count: int) -> int:
-    """Add where two rims cross, which are circles but for a tilt of `FACING`."""
-    r, s = _radius(one), _radius(other)
-    x, y = other[0, 0] - one[0, 0], other[0, 1] - one[0, 1]
-    d = math.sqrt(x * x + y * y)
-    if not abs(r - s) < d < r + s:
-        return count
-    x, y, along = x / d, y / d, 0.5 * (d + (r * r - s * s) / d)
-    aside = math.sqrt(max(r * r - along * along, 0.0))
-    for k in range(2):
-        far = aside if k == 0 else -aside
-        u, v = one[0, 0] + along * x - far * y, one[0, 1] + along * y + far * x
-        count = _put(places, count, u, v, _height(one, DISC, u, v), _height(other, DISC, u, v), 3000 + k, tol)
+    """Add where two rims cross, of which each is an ellipse if it is tilted: at four places at most. They are
+    sought from the direction between the centres on, in which rims that only just cross do so."""
+    x, y = _on_disc(one, other[0, 0], other[0, 1])
+    start = math.atan2(y, x)
+    low, before = start, _beyond(one, other, start)
+    for k in range(1, ARCS + 1):
+        high = start + k * 2.0 * math.pi / ARCS
+        after = _beyond(one, other, high)
+        if (before > 0.0) != (after > 0.0):
+            angle = _crossing(one, other, low, high, before, after)
+            u, v = _on_rim(one, angle)
+            first, second = _height(one, DISC, u, v), _height(other, DISC, u, v)
+            count = _put(places, count, u, v, first, second, 3000 + k, tol)
+        low, before = high, after
     return count
+
+
+@kernel
+def _on_rim(disc: Reals, angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return disc[0, 0] + c * disc[1, 0] + s * disc[2, 0], disc[0, 1] + c * disc[1, 1] + s * disc[2, 1]
+
+
+@kernel
+def _beyond(one: Reals, other: Reals, angle: float) -> float:
+    """How far a point of a rim is beyond another one, over the radius of this."""
+    x, y = _on_rim(one, angle)
+    a, b = _on_disc(other, x, y)
+    return math.sqrt(a * a + b * b) - 1.0
+
+
+@kernel
+def _crossing(one: Reals, other: Reals, low: float, high: float, before: float, after: float) -> float:
+    """The angle at which a rim crosses another one, between two on either side of it: by the false position,
+    where an end that stays again counts half (Illinois)."""
+    angle, kept = low, 0
+    for _ in range(STEPS):
+        angle = low - before * (high - low) / (after - before)
+        found = _beyond(one, other, angle)
+        if abs(found) <= LEVEL:
+            break
+        if (found > 0.0) == (before > 0.0):
+            low, before = angle, found
+            after, kept = after if kept != 1 else 0.5 * after, 1
+        else:
+            high, after = angle, found
+            before, kept = before if kept != -1 else 0.5 * before, -1
+    return angle
 
 
 @kernel

@@ -76,14 +76,9 @@ def pairs(model: mujoco.MjModel) -> Pairs:
     own = np.where((first > second)[:, None], m.geom_friction[a], own)
     own = np.where((first < second)[:, None], m.geom_friction[b], own)
     friction = own[:, [0, 0, 1, 2, 2]]
-    named = {
-        tuple(sorted(pair)): k
-        for k, pair in enumerate(zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True))
-    }
-    for p, pair in enumerate(geoms.tolist()):
-        k = named.get(tuple(sorted(pair)))
-        if k is not None:
-            dims[p], friction[p] = m.pair_dim[k], m.pair_friction[k]
+    for k, named in enumerate(np.stack([m.pair_geom1, m.pair_geom2], axis=1)):
+        found = (np.sort(geoms) == np.sort(named)).all(axis=1)
+        dims[found], friction[found] = m.pair_dim[k], m.pair_friction[k]
     radius = np.where(kind == PLANE, 0.0, m.geom_rbound)
     return Pairs(
         geoms=np.ascontiguousarray(geoms), bound=radius[a] + radius[b], dim=dims.astype(np.int64),

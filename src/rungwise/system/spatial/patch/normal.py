@@ -78,16 +78,17 @@ def guess(a: int, b: int, within: float, shapes: Shapes, frames: Frames, room: R
         n[k] = aside[k]
     if s > within or (one == SPHERE and other == SPHERE):
         return s
-    # Normals of faces and axes are exact: the way between middles or cores only counts if it is better.
+    # Normals of faces and axes are exact: the way between middles or cores only counts if it is better. All
+    # axes of round geoms are among them, as no other way is near the shortest one where middles are as one.
     rough, s = s, -math.inf
     for side in range(2):
         g, h, sign = (a, b, 1.0) if side == 0 else (b, a, -1.0)
         kind = shapes.kind[g]
-        if kind == BOX:
+        if kind not in (SPHERE, MESH):
             u = frames.axes[g]
             for k in range(3):
                 s = _both(a, b, u[k], u[3 + k], u[6 + k], n, s, shapes, frames)
-        elif kind in (CYLINDER, CAPSULE):
+        if kind in (CYLINDER, CAPSULE):
             s = _around(a, b, g, h, sign, n, s, shapes, frames)
         elif kind == MESH:
             s = _facing(a, b, g, sign, aside, n, s, shapes, frames)
@@ -135,11 +136,9 @@ def _both(
 def _around(
     a: int, b: int, g: int, h: int, sign: float, n: Reals, s: float, shapes: Shapes, frames: Frames
 ) -> float:
-    """Try the axis of a cylinder or capsule g, the way from it to the place of h, and that from the nearest
-    point of its rim or its core."""
+    """Try the way from the axis of a cylinder or capsule g to the place of h, and that from the nearest point
+    of its rim or its core."""
     u, pg, ph, size = frames.axes[g], frames.place[g], frames.place[h], shapes.size[g]
-    if shapes.kind[g] == CYLINDER:
-        s = _both(a, b, u[2], u[5], u[8], n, s, shapes, frames)
     x, y, z = ph[0] - pg[0], ph[1] - pg[1], ph[2] - pg[2]
     along = x * u[2] + y * u[5] + z * u[8]
     x, y, z = x - along * u[2], y - along * u[5], z - along * u[8]

@@ -56,7 +56,7 @@ def distance(a: int, b: int, within: float, shapes: Shapes, frames: Frames, scra
         if s > within:
             return s
         s = search(a, b, s, shapes, frames, room)
-    shared = clip(a, b, room.n, s, shapes, frames, patch)
+    shared = clip(a, b, room.n, shapes, frames, patch)
     for i in range(shared):
         x, y, low, high = patch.places[i, 0], patch.places[i, 1], patch.places[i, 2], patch.places[i, 3]
         if high - low <= s + EVEN * size:
@@ -90,12 +90,12 @@ def meet(
     s = _over(a, b, shapes, frames, room) if has_plane else guess(a, b, within, shapes, frames, room)
     if s > within:
         return count
-    shared = clip(a, b, room.n, s, shapes, frames, patch)
+    shared = clip(a, b, room.n, shapes, frames, patch)
     if not has_plane and not (_least(shared, patch) <= s + GAIN * size and s > -DEEP * size):
         s = search(a, b, s, shapes, frames, room)
         if s > within:
             return count
-        shared = clip(a, b, room.n, s, shapes, frames, patch)
+        shared = clip(a, b, room.n, shapes, frames, patch)
         if _least(shared, patch) > s + GAIN * size:
             shared = _put_nearest(shared, s, room, patch)
     return _add(a, b, shared, within, size, scratch, found, count)
@@ -110,7 +110,7 @@ def meet_along(
     s = separation(a, b, n[0], n[1], n[2], shapes, frames)
     if s > within:
         return count
-    shared = clip(a, b, n, s, shapes, frames, scratch.patch)
+    shared = clip(a, b, n, shapes, frames, scratch.patch)
     return _add(a, b, shared, within, size, scratch, found, count)
 
 
@@ -119,7 +119,7 @@ def _add(
     a: int, b: int, shared: int, within: float, size: float, scratch: Scratch, found: Found, count: int
 ) -> int:
     """Add those of so many places that are kept and are nearer than `within`."""
-    room, patch = scratch.room, scratch.patch
+    patch = scratch.patch
     kept = keep(shared, size, patch)
     for i in range(kept):
         own = patch.places[patch.keep[i]]
@@ -128,10 +128,11 @@ def _add(
             continue
         if count == found.gap.shape[0]:
             return FULL
-        height = 0.5 * (own[2] + own[3])
+        height, upright = 0.5 * (own[2] + own[3]), math.sqrt(1.0 - own[5] * own[5] - own[6] * own[6])
         for k in range(3):
-            place = own[0] * patch.axes[0, k] + own[1] * patch.axes[1, k] + height * patch.axes[2, k]
-            found.place[count, k], found.normal[count, k] = patch.origin[k] + place, room.n[k]
+            x, y, z = patch.axes[0, k], patch.axes[1, k], patch.axes[2, k]
+            found.place[count, k] = patch.origin[k] + own[0] * x + own[1] * y + height * z
+            found.normal[count, k] = own[5] * x + own[6] * y + upright * z
         found.gap[count] = gap
         found.geoms[count, 0], found.geoms[count, 1] = a, b
         count += 1
@@ -153,6 +154,7 @@ def _put_nearest(count: int, s: float, room: Room, patch: Patch) -> int:
     """Add the middle of the nearest points."""
     count = min(count, patch.places.shape[0] - 1)
     own, ends = patch.places[count], room.ends
+    own[5], own[6] = 0.0, 0.0
     for i in range(3):
         own[i] = 0.0
         for k in range(3):
