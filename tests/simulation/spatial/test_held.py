@@ -42,12 +42,13 @@ def lies_still(found: object, sinks: float = 2e-4) -> bool:
 
 
 @pytest.mark.few(8)
-@pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
-@pytest.mark.parametrize(("pad", "part"), [*product(PADS, PARTS)])
+@pytest.mark.parametrize(
+    ("pad", "part", "rung"),
+    [each for each in product(PADS, PARTS, WITH_LOADS) if (*each[:2], each[2].name) not in ONE_POINT],
+    ids=lambda value: value if isinstance(value, str) else named(value),
+)
 def test_a_part_pinched_between_two_pads_is_held(make: Make, pad: str, part: str, rung: Rung) -> None:
     """Friction carries twenty times the weight; pads are shorter than the part."""
-    if (pad, part, rung.name) in ONE_POINT:
-        pytest.skip("rolls")
     (geom, wide), (own, half) = PADS[pad], PARTS[part]
     jaws = "".join(
         f'<body name="{name}" pos="{-sign * (wide + half)} 0 .2"><joint name="{name}" type="slide"'
