@@ -35,7 +35,7 @@ import pytest
 from piles import pyramid
 
 import rungwise as rw
-from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step import (

@@ -75,11 +75,12 @@ FAULTS = (
         "violations beside a row's own terms do not count",
     ),
     Fault(
-        "natural-map-penetration", "src/rungwise/contact/judge/natural.py",
-        "if abs(out[n]) < -y[n]:", "if abs(out[n]) < y[n]:", _RESIDUALS, "great friction hides penetration",
+        "laws-without-contacts", "src/rungwise/contact/judge/laws.py",
+        "        total += out[k] * out[k]\n    for j", "    for j", _RESIDUALS,
+        "violations of contacts do not count in the norm",
     ),
     Fault(
-        "cone-half-disc", "src/rungwise/contact/solver/kinds/cone.py",
+        "cone-half-disc", "src/rungwise/contact/kinds/cone.py",
         "length, radius, total = 0.0, law[0] * max(x[0], 0.0), 0.0",
         "length, radius, total = 0.0, 0.5 * law[0] * max(x[0], 0.0), 0.0",
         ("tests/contact/test_spatial.py",), "the judge of groups knows half the friction",

@@ -31,7 +31,7 @@ import mujoco as mj
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import NO_SURFACES, SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem

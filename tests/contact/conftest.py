@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.guess import solve_by_modes, solve_mode
-from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.solver.problem import solve_problem
 from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.solver.step import solve_groups

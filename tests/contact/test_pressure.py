@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rungwise.contact.solver.kinds import pressure as law
+from rungwise.contact.kinds import pressure as law
 from rungwise.kernel import Reals
 from rungwise.system.planar import pressed
 

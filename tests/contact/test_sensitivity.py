@@ -8,7 +8,7 @@ import pytest
 import rungwise as rw
 from rungwise.contact.analysis.sensitivity import DATA, Sensitivity, sensitivity
 from rungwise.contact.analysis.sensitivity import _units as units
-from rungwise.contact.solver.kinds import cone, free, interval, natural_map
+from rungwise.contact.kinds import cone, free, interval, natural_map
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 STEP = 1e-5

@@ -7,7 +7,7 @@ import pytest
 
 from rungwise.contact.certify import certify_infeasible
 from rungwise.contact.judge.certificate import check
-from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step import NO_SURFACES, SOLVED, TOLERANCE, Sizes, Unknowns
 from rungwise.contact.step.modes import natural_units, yielding

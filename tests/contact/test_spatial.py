@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from rungwise.contact.solver.kinds.cone import KIND as CONE
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.residual import residual_of_rows
 from rungwise.contact.solver.step import residual_of_groups, solve_groups
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipe, ellipk
 
 import rungwise as rw
-from rungwise.contact.solver.kinds.pressure import dissipation
+from rungwise.contact.kinds.pressure import dissipation
 from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes, allocate_problem, trim
 from rungwise.kernel import Reals
 from rungwise.simulation.core.chains import solve_scratch

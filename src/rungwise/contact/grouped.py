@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from rungwise.contact.block_factors import Factors
+from rungwise.contact.kinds import cone, free, interval
 from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.problem import Laws
 from rungwise.contact.solver.groups import (
@@ -25,7 +26,6 @@ from rungwise.contact.solver.groups import (
     reals_of,
 )
 from rungwise.contact.solver.islands import cut_island, label_islands
-from rungwise.contact.solver.kinds import cone, free, interval
 from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
 from rungwise.contact.solver.settings import WIDE
 from rungwise.contact.solver.solve import solve

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rungwise.contact.judge.natural import natural_map
+from rungwise.contact.judge.laws import fill_violations
 from rungwise.contact.judge.residuals import absolute
 from rungwise.contact.prepare.system import System
 from rungwise.contact.prepare.units import Sparse
@@ -21,28 +21,27 @@ a decade."""
 
 
 def natural(system: System, x: Array) -> float:
-    """Norm of the natural map of x (N,), with the part that rounding hides."""
-    return float(distance(system.form.entries, system.b, x, system.laws, np.empty((2, system.size))))
+    """Norm of the violations of the laws by x (N,), with the part that rounding hides."""
+    rates, found = np.empty(system.size), np.empty(len(system.mu) + len(system.lower))
+    return float(distance(system.form.entries, system.b, x, system.laws, rates, found))
 
 
-def natural_parts(system: System, x: Array) -> Array:
-    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where the map is not
-    finite."""
-    out = np.empty((2, system.size))
-    distance(system.form.entries, system.b, x, system.laws, out)
-    return np.where(np.isfinite(out[1]), out[1], np.inf)
+def of_each_law(system: System, x: Array) -> Array:
+    """The violation of each law by x (N,), contacts first; infinite where it is not finite."""
+    rates, found = np.empty(system.size), np.empty(len(system.mu) + len(system.lower))
+    distance(system.form.entries, system.b, x, system.laws, rates, found)
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 @kernel
-def distance(A: Sparse, b: Reals, x: Reals, laws: Laws, out: Reals) -> float:
-    """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, or infinity."""
-    y, sizes, total = out[0], out[1], 0.0
+def distance(A: Sparse, b: Reals, x: Reals, laws: Laws, y: Reals, found: Reals) -> float:
+    """Fill y (N,) with the rates and found (laws,) with the violations of the laws; returns their norm, with
+    the rounding of the unknowns, or infinity."""
+    total = 0.0
     for i in range(len(b)):
         y[i] = b[i] + row_times(A, i, x)
-    natural_map(x, y, laws, sizes)
-    for i in range(len(x)):
-        sizes[i] = abs(sizes[i]) + _ROUNDING * abs(x[i])
-        total += sizes[i] * sizes[i]
+        total += (_ROUNDING * x[i]) ** 2
+    total += fill_violations(laws, x, y, found) ** 2
     return math.sqrt(total) if total < math.inf else math.inf
 
 
@@ -65,10 +64,11 @@ def rate_error(problem: Problem, system: System, x: Array) -> float:
     unless the rates without forces are far larger."""
     kept = system.kept
     y, terms = problem.A @ x + problem.b, rate_terms(problem, x)
-    actual, out = float((terms[kept] / system.rate).max(initial=0.0)), np.empty(len(kept))
+    actual = float((terms[kept] / system.rate).max(initial=0.0))
+    found = np.empty(len(system.mu) + len(system.lower))
     if not 0.0 < actual < SMALL:
         return 0.0
-    return natural_map(x[kept] / system.force, y[kept] / system.rate, system.laws, out) / actual
+    return fill_violations(system.laws, x[kept] / system.force, y[kept] / system.rate, found) / actual
 
 
 def rate_terms(problem: Problem, x: Array) -> Array:

@@ -31,7 +31,7 @@ from rungwise.contact.judge.farkas import (
     pieces,
     signs,
 )
-from rungwise.contact.measure import natural, natural_parts
+from rungwise.contact.measure import natural, of_each_law
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
@@ -148,9 +148,7 @@ def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | No
 
 def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> list[Mode]:
     """Children by the law `first`, or else by the law that x violates most, the likeliest child last."""
-    size = natural_parts(system, x)
-    d, contacts = system.directions, len(system.mu)
-    worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
+    d, contacts, worst = system.directions, len(system.mu), of_each_law(system, x)
     for law in sorted(range(len(mode)), key=lambda law: (law != first, -worst[law])):
         parts = pieces(system, law, mode[law])
         if parts:

@@ -50,7 +50,7 @@ class Terms(Block):
     surface    (b,)      rows of the same number share a limit surface, sum (tau / F)^2 <= 1; APART: none
     exact      (m, 4)    limit surfaces of a pressure in place of the ellipsoid: their first row (-1: none),
                          cosine and sine of the body's angle, and where their numbers begin in `pressures`
-    pressures  (p,)      numbers of pressures (see `contact.solver.kinds.pressure`)
+    pressures  (p,)      numbers of pressures (see `contact.kinds.pressure`)
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     low        (1,)      height: an approach after which loads let nothing bounce higher is rest

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.judge.natural import contact_map, natural_map
+from rungwise.contact.judge.laws import fill_violations
 from rungwise.contact.prepare.magnitudes import Magnitudes, faint_terms, largest, magnitudes
 from rungwise.contact.prepare.system import System
 from rungwise.contact.prepare.units import Sparse, compressed
@@ -49,10 +49,9 @@ class Units(NamedTuple):
 class Residuals:
     """Violations of each law by forces r and rates u = A x + b.
 
-    `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
+    `natural` and `balance` have no unit and decide: the norm of the violations of all laws, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of the terms that it has. `natural` is no less than any
-    penetration in these units, which great friction would hide, nor than `OWN` times `in_own_terms`, the
+    imbalance of a free row over the sum of the terms that it has. `natural` is no less than `OWN` times `in_own_terms`, the
     largest violation of a row of the problem as it was given beside the terms of this row alone. The others
     tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone
     [force] the greatest |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation
@@ -98,7 +97,7 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
 
 
 def _units(problem: Problem, system: System) -> tuple[Units, Laws]:
-    """The units of the natural map, and the laws in them: those of the system, which know contacts and
+    """The units of the violations, and the laws in them: those of the system, which know contacts and
     inertia; without either, magnitudes of rows and of unknowns."""
     if not is_plain(problem.rows, problem.velocities):
         return Units(system.kept, system.force, system.rate), system.laws
@@ -137,7 +136,7 @@ def violations(
         doubt += (terms[kept[i]] / rate[i]) ** 2
     for i in range(len(found)):
         found[i] = 0.0
-    natural = natural_map(own, slope, scaled, out)
+    natural = fill_violations(scaled, own, slope, out[: len(mu) + len(lower)])
     doubt = math.sqrt(doubt)
     if plain and _HIDDEN * doubt <= _MOST:
         found[0] = max(natural - _HIDDEN * doubt, 0.0)
@@ -221,7 +220,7 @@ def _faint(problem: Problem, x: Array) -> Array:
 
 
 def _in_own_terms(problem: Problem, x: Array, y: Array, terms: Array, faint: Array) -> float:
-    scratch = np.empty((4, len(x)))
+    scratch = np.empty((6, len(x)))
     own_terms(terms, problem.b, faint, problem.rows, problem.directions, scratch[0])
     return float(own_violation(_scales(problem).rows, x, y, problem.laws, scratch))
 
@@ -262,23 +261,21 @@ def _raise(own: Reals, faint: Reals, first: int, end: int) -> None:
 
 @kernel
 def own_violation(A: Sparse, x: Reals, y: Reals, laws: Laws, scratch: Reals) -> float:
-    """The violation that `in_own_terms` returns; the first row of scratch (4, N) holds the rows' terms."""
+    """The violation that `in_own_terms` returns; the first row of scratch (6, N) holds the rows' terms."""
     mu, d, lower, upper = laws
     rate, each, own, out = scratch[0], scratch[1], scratch[2], scratch[3]
-    worst, rows = 0.0, d * len(mu)
+    rows, m = d * len(mu), len(lower)
+    low, high = scratch[4, :m], scratch[5, :m]
     own_size(A, rows, d, rate, each)
     for i in range(len(x)):
         own[i], rate[i] = x[i] * each[i], y[i] / rate[i] if rate[i] > 0.0 else y[i]
-    for k in range(len(mu)):
-        contact_map(own, rate, mu[k], d, k * d, out)
-        for i in range(k * d, k * d + d):
-            worst = max(worst, abs(out[i]))
-    for j in range(len(lower)):
-        i = rows + j
-        above = (x[i] - lower[j]) * each[i] if lower[j] > -math.inf else math.inf
-        below = (upper[j] - x[i]) * each[i] if upper[j] < math.inf else math.inf
-        room = above if rate[i] > 0.0 else below
-        worst = max(worst, min(abs(rate[i]), abs(room)), -min(above, below))
+    for j in range(m):  # an infinite limit stays one where a unit of the unknown does nothing
+        low[j] = lower[j] * each[rows + j] if lower[j] > -math.inf else -math.inf
+        high[j] = upper[j] * each[rows + j] if upper[j] < math.inf else math.inf
+    fill_violations(Laws(mu, d, low, high), own, rate, out[: len(mu) + m])
+    worst = 0.0
+    for k in range(len(mu) + m):
+        worst = max(worst, out[k])
     return worst
 
 

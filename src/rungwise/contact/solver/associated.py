@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from rungwise.contact.solver.kinds.associated import KIND as ASSOCIATED
+from rungwise.contact.kinds.associated import KIND as ASSOCIATED
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import SOLVED

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solver.kinds import ball, forces_of, free, interval, pressure, restricts_rates
+from rungwise.contact.kinds import ball, forces_of, free, interval, pressure, restricts_rates
 from rungwise.contact.step.problem import (
     EXACT_BEGIN,
     EXACT_COS,

@@ -14,10 +14,10 @@ from typing import NamedTuple
 from rungwise.contact.block_factors import Factors, add, add_product, clear, plan
 from rungwise.contact.block_factors import factorise as factorise_blocks
 from rungwise.contact.block_factors import substitute as substitute_blocks
+from rungwise.contact.kinds import natural_map, smooth_map
 from rungwise.contact.least_degree import Pattern
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solver.groups import Counts, Groups
-from rungwise.contact.solver.kinds import natural_map, smooth_map
 from rungwise.contact.solver.settings import WIDE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 

@@ -7,8 +7,8 @@ certificate.
 
 from __future__ import annotations
 
+from rungwise.contact.kinds.cone import KIND as CONE
 from rungwise.contact.solver.guess import MAX_FLIPS, solve_by_modes
-from rungwise.contact.solver.kinds.cone import KIND as CONE
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import SPARE, ContactProblem, Elimination, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, SOLVED

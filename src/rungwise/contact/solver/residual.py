@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import (
+from rungwise.contact.kinds import (
     cone,
     forces_of,
     free,
@@ -27,6 +26,7 @@ from rungwise.contact.solver.kinds import (
     violation,
     worse,
 )
+from rungwise.contact.solver.groups import Groups
 from rungwise.contact.solver.settings import WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import Reals, inner_kernel, kernel, rare_kernel

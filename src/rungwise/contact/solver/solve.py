@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.kinds import cone, interval, restricts_rates
 from rungwise.contact.solver.groups import Groups
-from rungwise.contact.solver.kinds import cone, interval, restricts_rates
 from rungwise.contact.solver.newton import Room, descend, evaluate
 from rungwise.contact.solver.residual import called, residual
 from rungwise.contact.solver.settings import (

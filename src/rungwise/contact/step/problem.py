@@ -59,8 +59,8 @@ EXACT_ROW, EXACT_COS, EXACT_SIN, EXACT_BEGIN = 0, 1, 2, 3
 class Surfaces(NamedTuple):
     """Which limited rows share a force: number (limited,), the same for rows that share, negative for a row
     that does not; empty if none does. They share a ball, or the limit surface of a pressure (see
-    `solver.kinds.pressure`), of which there are m: exact (m, 4), its first row (-1: none), cosine and sine of
-    the body's angle, and where its own numbers begin in `pressures`."""
+    `contact.kinds.pressure`), of which there are m: exact (m, 4), its first row (-1: none), cosine and sine
+    of the body's angle, and where its own numbers begin in `pressures`."""
 
     number: Ints
     exact: Reals

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.solver.kinds.pressure import (
+from rungwise.contact.kinds.pressure import (
     EDGE,
     EDGES,
     HEAD,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds.smooth import maximum, onto_disc
+from rungwise.contact.kinds.smooth import maximum, onto_disc
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.kernel import Reals, inner_kernel, kernel
 
@@ -74,8 +74,8 @@ def violation(law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
     for i in range(1, d):
         length += (x[i] - y[i]) ** 2
     length = math.sqrt(length)
-    shrink = 1.0 if length <= radius else radius / length
     for i in range(1, d):
-        total += (x[i] - shrink * (x[i] - y[i])) ** 2
+        # where a force sticks the difference is the rate, which a large force would round away
+        total += y[i] ** 2 if length <= radius else (x[i] - radius / length * (x[i] - y[i])) ** 2
     opens, slides = abs(float(min(x[0], y[0]))), math.sqrt(total)
     return opens if slides <= opens else slides  # also where it is not a number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds import associated, ball, cone, free, interval, pressure
+from rungwise.contact.kinds import associated, ball, cone, free, interval, pressure
 from rungwise.kernel import Reals, inner_kernel
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds.smooth import onto_disc
+from rungwise.contact.kinds.smooth import onto_disc
 from rungwise.contact.step.modes import FORWARD, STICK
 from rungwise.kernel import Reals, inner_kernel, kernel
 

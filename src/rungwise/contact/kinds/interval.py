@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solver.kinds.smooth import maximum
+from rungwise.contact.kinds.smooth import maximum
 from rungwise.contact.step.modes import BACKWARD, FORWARD, STICK
 from rungwise.kernel import Reals, inner_kernel
 
@@ -42,6 +42,9 @@ def smooth_map(law: Reals, d: int, x: Reals, u: Reals, s: float, F: Reals, S: Re
 
 
 @inner_kernel
-def violation(law: Reals, unit: float, d: int, x: Reals, y: Reals) -> float:
+def violation(law: Reals | tuple[float, float], unit: float, d: int, x: Reals, y: Reals) -> float:
     """See `kinds.violation`."""
-    return abs(float(x[0] - min(max(x[0] - y[0], unit * law[0]), unit * law[1])))
+    ahead, lower, upper = x[0] - y[0], unit * law[0], unit * law[1]
+    if ahead < lower:
+        return abs(float(x[0] - lower))
+    return abs(float(x[0] - upper if ahead > upper else y[0]))
