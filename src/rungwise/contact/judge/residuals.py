@@ -49,9 +49,9 @@ class Units(NamedTuple):
 class Residuals:
     """Violations of each law by forces r and rates u = A x + b.
 
-    `natural` and `balance` have no unit and decide: the norm of the violations of all laws, each
-    contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of the terms that it has. `natural` is no less than `OWN` times `in_own_terms`, the
+    `natural` and `balance` have no unit and decide: the norm of the violations of all laws, each contact
+    measured in a unit of its own, over the norm of the rates without forces; and the largest imbalance of a
+    free row over the sum of the terms that it has. `natural` is no less than `OWN` times `in_own_terms`, the
     largest violation of a row of the problem as it was given beside the terms of this row alone. The others
     tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone
     [force] the greatest |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation

@@ -2,11 +2,11 @@
 
 Each contact is measured in a unit s of its own: s^2 is one over the mean diagonal of its block, so that its
 block has a unit diagonal, all its directions share that unit, and friction coefficients stay the same. Forces
-and rates are divided by |s q|, the norm of the rates without forces: the norm of the violations of the
-laws (`judge.laws`) of the scaled system is the residual by which answers are judged. Rates without forces may hide the demanded rates, because inertia is
-next to zero or because the demands are next to zero. Only the answer tells which holds: an answer that moves
-is judged by the first system, any other answer by a second system, `massless`, in all unknowns, whose
-measures are the demanded rates and the loads.
+and rates are divided by |s q|, the norm of the rates without forces: the norm of the violations of the laws
+(`judge.laws`) of the scaled system is the residual by which answers are judged. Rates without forces may hide
+the demanded rates, because inertia is next to zero or because the demands are next to zero. Only the answer
+tells which holds: an answer that moves is judged by the first system, any other answer by a second system,
+`massless`, in all unknowns, whose measures are the demanded rates and the loads.
 """
 
 from __future__ import annotations
