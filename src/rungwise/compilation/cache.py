@@ -52,6 +52,11 @@ def cache_folder(module: str) -> Path:
     return folder
 
 
+def folder_of(kind: str) -> Path:
+    """Folder of what else is kept for good, beside the compiled code."""
+    return _root() / kind
+
+
 @cache
 def _root() -> Path:
     """The first of the folders for kernels that nobody but the user may change; one of this process alone

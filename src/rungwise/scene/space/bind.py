@@ -20,6 +20,7 @@ from rungwise.scene.space.assembly.parts import BALANCED, assembled
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import contact_laws, give_friction, named_laws, sides_of
+from rungwise.scene.space.meshes.pieces import with_pieces
 from rungwise.scene.space.mujoco_model import change, compiled, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
@@ -180,6 +181,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
     try:
         model = compiled(spec, path)
         refuse(model)
+        model, of_meshes = with_pieces(spec, model, path, file.model.meshes)
         law, laws = contact_laws(model, scene.labels, file.contacts, number.one)
         named = named_laws(model, law, file.contacts, file.tolerance, number.one)
     except SceneError as error:
@@ -199,7 +201,7 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         tolerance=number.positive(file.tolerance, "tolerance"),
         duration=number.positive(file.duration, "duration"),
         step=number.positive(model.opt.timestep if file.step is None else file.step, "step"),
-        notes=left_out(model) + notes,
+        notes=left_out(model) + of_meshes + notes,
     )  # fmt: skip
     bound.tell(values)
     return spec, bound

@@ -6,7 +6,7 @@ time ``t``. Units are the model's own: metres, kilograms, seconds and radians fo
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -68,12 +68,16 @@ class Model(Strict):
     ``package:path`` or ``package://NAME/path``.
 
     `parts` are further models, whose names get the name of the part and ``_`` before them; `servos` are put
-    on joints by patterns of names, the first that fits holds; `set` replaces numbers.
+    on joints by patterns of names, the first that fits holds; `set` replaces numbers. `meshes` says by
+    patterns of names of geoms, bodies or meshes, of which the first that fits holds, which of them stand for
+    their convex ``hull`` on purpose, and how concave the pieces of others may be, over half of their longest
+    side.
     """
 
     file: Text
     parts: dict[Name, Part] = {}
     servos: dict[Pattern, Servo] = {}
+    meshes: dict[Pattern, Literal["hull"] | Annotated[float, Field(ge=0.01, le=1.0)]] = {}
     set: Changes = Changes()
 
 

@@ -12,18 +12,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from rungwise.kernel import Ints
+
 if TYPE_CHECKING:
     import mujoco
 
 PLACES, TURNS, RATES = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz")
 SINGLE = 2
 """Least of MuJoCo's numbers of joints with one coordinate."""
+PIECE = "/piece/"
+"""Between the name of a geom and the number of a piece that stands for it."""
 
 
 @dataclass(frozen=True)
 class Labels:
     """bodies (b,), geoms (g,), actuators (a,), coordinates (n_q,), velocities (n_v,); turns: for each
-    quaternion the number of its first coordinate."""
+    quaternion the number of its first coordinate. Pieces of a geom have its label."""
 
     bodies: tuple[str, ...]
     geoms: tuple[str, ...]
@@ -56,12 +62,31 @@ def labels(model: mujoco.MjModel) -> Labels:
         velocities += [f"{own}_{each}" for each in RATES] if kind == 1 else [own]
     return Labels(
         bodies,
-        _unique([model.geom(g).name for g in range(model.ngeom)], "geom"),
+        _of_geoms(model),
         _unique([model.actuator(a).name for a in range(model.nu)], "actuator"),
         tuple(coordinates),
         tuple(velocities),
         tuple(turns),
     )
+
+
+def wholes(model: mujoco.MjModel) -> Ints:
+    """For each geom (g,) the one that it is a piece of, or itself (see `scene.space.meshes`)."""
+    names = [model.geom(g).name for g in range(model.ngeom)]
+    number = {name: g for g, name in enumerate(names)}
+    found = np.arange(model.ngeom)
+    for g, name in enumerate(names):
+        whole, mark, piece = name.rpartition(PIECE)
+        if mark and piece.isdecimal() and whole in number:
+            found[g] = number[whole]
+    return found
+
+
+def _of_geoms(model: mujoco.MjModel) -> tuple[str, ...]:
+    of = wholes(model)
+    own = np.flatnonzero(of == np.arange(model.ngeom)).tolist()
+    told = dict(zip(own, _unique([model.geom(g).name for g in own], "geom"), strict=True))
+    return tuple(told[g] for g in of.tolist())
 
 
 def label(name: str) -> str:

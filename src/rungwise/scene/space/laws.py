@@ -16,7 +16,7 @@ from rungwise.scene.fields.laws.contact import LAWS, RECORD, STICKS, named_by, r
 from rungwise.scene.fields.values import Number
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import Contact
-from rungwise.scene.space.labels import Labels
+from rungwise.scene.space.labels import Labels, wholes
 
 if TYPE_CHECKING:
     import mujoco
@@ -102,7 +102,7 @@ def _check_static(model: mujoco.MjModel, own: NDArray[np.bool_], record: Any, pa
         for a, b in pairs:
             friction = _model_friction(model, a, b)
             if static < friction:
-                names = " and ".join(model.geom(g).name or f"geom {g}" for g in (a, b))
+                names = " and ".join(model.geom(g).name or f"geom {g}" for g in wholes(model)[[a, b]])
                 raise InvalidScene(
                     f"{path}.static_friction: {static:g} is below the model's friction of {names},"
                     f" {friction:g}; give friction as well"
@@ -177,9 +177,9 @@ def touching_pairs(model: mujoco.MjModel) -> Ints:
 
 
 def _sizes(model: mujoco.MjModel) -> Reals:
-    """Radii of the geoms that move and may touch."""
+    """Radii of the geoms that move and may touch, of pieces those of what they stand for."""
     moving = touching(model) & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)
-    return np.asarray(model.geom_rbound[moving])
+    return np.asarray(model.geom_rbound[np.unique(wholes(model)[moving])])
 
 
 def give_friction(data: mujoco.MjData, law: Ints, rows: Reals) -> bool:
@@ -250,13 +250,14 @@ def _row(
 
 def _matching(model: mujoco.MjModel, names: Labels, pattern: str, path: str) -> Ints:
     """Numbers of the geoms whose name, or whose body's name, the pattern matches."""
+    of = wholes(model).tolist()
     found = [
         g
         for g in range(model.ngeom)
         if any(
             fnmatchcase(name, pattern)
             for name in (
-                names.geoms[g], model.geom(g).name,
+                names.geoms[g], model.geom(of[g]).name,
                 names.bodies[model.geom_bodyid[g]], model.body(model.geom_bodyid[g]).name,
             )
         )

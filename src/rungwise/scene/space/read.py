@@ -18,6 +18,7 @@ from rungwise.scene.space.assembly.parts import assembled
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, as_labels, label, labels
+from rungwise.scene.space.meshes.pieces import with_pieces
 from rungwise.scene.space.mujoco_model import LIBRARY, compiled, no_file
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
@@ -87,10 +88,12 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     spec, path, _ = assembled(file.model, folder)
     model = compiled(spec, path)
     refuse(model)
+    text = spec.to_xml()
+    model, _ = with_pieces(spec, model, path, file.model.meshes)
     names = labels(model)
     if "controls" not in file.model_fields_set and names.actuators:
         file = _checked(_with_inputs(data, file, model, names))
-    scene = SpaceScene(file, _template(file, model, names), folder, names, spec.to_xml())
+    scene = SpaceScene(file, _template(file, model, names), folder, names, text)
     try:
         check_names(scene, spec, model)
         if file.task is not None:

@@ -92,7 +92,8 @@ def _touches(frames: Sequence[Frame]) -> dict[str, Any]:
 def _of_pairs(run: SpaceRun, frames: Sequence[Frame]) -> tuple[list[str], Any, Any, Any]:
     """Labels of pairs (p,), gaps (f, p), forces (f, p, 2) and modes (f, p)."""
     geoms = run.scene.labels.geoms
-    met = sorted({(int(a), int(b)) for each in frames for a, b in each.touch.geoms})
+    of = [geoms.index(name) for name in geoms]  # pieces have the label of the geom that they stand for
+    met = sorted({(of[a], of[b]) for each in frames for a, b in each.touch.geoms})
     number = {pair: k for k, pair in enumerate(met)}
     gap = np.full((len(frames), len(met)), np.nan)
     force = np.zeros((len(frames), len(met), 2))
@@ -100,7 +101,7 @@ def _of_pairs(run: SpaceRun, frames: Sequence[Frame]) -> tuple[list[str], Any, A
     for f, each in enumerate(frames):
         touch = each.touch
         for c, pair in enumerate(touch.geoms):
-            k = number[int(pair[0]), int(pair[1])]
+            k = number[of[pair[0]], of[pair[1]]]
             push = float(touch.force[c] @ touch.normal[c])
             gap[f, k] = np.fmin(gap[f, k], touch.gap[c])
             force[f, k, 0] += push

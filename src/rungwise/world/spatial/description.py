@@ -10,6 +10,7 @@ import numpy as np
 from rungwise.scene.fields.laws.contact import in_words, written
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.elements import equality, named
+from rungwise.scene.space.labels import wholes
 from rungwise.scene.space.laws import touching
 from rungwise.world.moving.description import common, heading, stated
 
@@ -46,7 +47,8 @@ def describe(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, An
 def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
     model = bound.model
     geoms = range(int(model.body_geomadr[b]), int(model.body_geomadr[b]) + int(model.body_geomnum[b]))
-    solid = [g for g in geoms if touching(model)[g]]
+    of = wholes(model)
+    solid = np.unique([of[g] for g in geoms if touching(model)[g]]).astype(int).tolist()
     first = int(model.body_jntadr[b])
     coordinates = {}
     for j in range(first, first + int(model.body_jntnum[b])):
