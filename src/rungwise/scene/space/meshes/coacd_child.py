@@ -21,7 +21,8 @@ def main() -> None:
         accuracy, remesh = float(given["accuracy"][0]), bool(given["remesh"][0])
     coacd.set_log_level("off")
     found = coacd.run_coacd(mesh, threshold=accuracy, preprocess_mode="on" if remesh else "off")
-    np.savez(answer, **{f"piece{k}": np.asarray(corners, float) for k, (corners, _) in enumerate(found)})
+    pieces = {f"piece{k}": np.asarray(corners, float) for k, (corners, _) in enumerate(found)}
+    np.savez(answer, **pieces)  # type: ignore[arg-type]
     answer.close()
 
 

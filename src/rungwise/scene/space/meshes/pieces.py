@@ -45,19 +45,20 @@ KEPT = 512
 
 
 class Concave(NamedTuple):
-    """A geom whose mesh is not convex: its number, its label, its mesh as a solid, and the accuracy of its
-    pieces."""
+    """A geom whose mesh is not convex: its number, its label, how it is told of, its mesh as a solid, and the
+    accuracy of its pieces."""
 
     geom: int
     label: str
+    told: str
     solid: Solid
     accuracy: float
 
     def __str__(self) -> str:
         if self.solid.fault:
-            return f"{self.label} ({self.solid.fault})"
+            return f"{self.told}: {self.solid.fault}"
         least = "at least " if self.solid.is_least else ""
-        return f"{self.label} ({least}{100.0 * self.solid.share:.2g} % of its hull is not in its mesh)"
+        return f"{self.told}: {least}{100.0 * self.solid.share:.2g} % of its hull is not in its mesh"
 
 
 class Pieced(NamedTuple):
@@ -78,10 +79,10 @@ def with_pieces(
         return Pieced(model, ())
     own, corners = {geom.id: geom for geom in spec.geoms}, dict[int, tuple[Reals, ...]]()
     undone = list[tuple[Concave, str]]()
-    for each in found:
-        mesh = _mesh(model, int(model.geom_dataid[each.geom]))
+    for k, each in enumerate(found, 1):
+        mesh, told = _mesh(model, int(model.geom_dataid[each.geom])), f"{each.told} ({k} of {len(found)})"
         try:
-            corners[each.geom] = _pieces_of(mesh, each.label, each.accuracy)
+            corners[each.geom] = _pieces_of(mesh, told, each.accuracy)
         except Undone as error:
             undone.append((each, str(error)))
     if undone:
@@ -109,7 +110,9 @@ def _concave(spec: mujoco.MjSpec, model: mujoco.MjModel, said: Mapping[str, str 
             continue
         own = _solid_of(_mesh(m, mesh))
         if not own.is_convex:
-            found.append(Concave(geom, names.geoms[geom], own, float(accuracy)))
+            label, body = names.geoms[geom], names.bodies[int(m.geom_bodyid[geom])]
+            told = label if m.geom(geom).name else f"{label} of {body}"
+            found.append(Concave(geom, label, told, own, float(accuracy)))
     return found
 
 
@@ -145,8 +148,8 @@ def _solid_of(mesh: _Mesh) -> Solid:
 
 
 @lru_cache(maxsize=KEPT)
-def _pieces_of(mesh: _Mesh, label: str, accuracy: float) -> tuple[Reals, ...]:
-    return tuple(pieces(_solid_of(mesh), label, accuracy))
+def _pieces_of(mesh: _Mesh, told: str, accuracy: float) -> tuple[Reals, ...]:
+    return tuple(pieces(_solid_of(mesh), told, accuracy))
 
 
 def _replace(
@@ -155,8 +158,6 @@ def _replace(
     """Let pieces (k, 3) each touch in the place of a geom."""
     import mujoco
 
-    number = int(model.geom_bodyid[concave.geom])
-    body = next(each for each in spec.bodies if each.id == number)
     if not geom.name:
         geom.name = concave.label
     names = [f"{geom.name}{PIECE}{k}" for k in range(len(corners))]
@@ -164,7 +165,7 @@ def _replace(
         asset = spec.add_mesh()
         asset.name, asset.inertia = name, mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         asset.uservert = own.ravel()
-        piece = body.add_geom()
+        piece = geom.parent.add_geom()
         piece.name, piece.meshname, piece.type, piece.material = name, name, mujoco.mjtGeom.mjGEOM_MESH, ""
         piece.mass = 0.0
         for name_of in SAME:
@@ -180,25 +181,22 @@ def _replace(
 
 
 def _remark(found: list[Concave], counts: list[int]) -> str:
-    told = [
-        f"{count} convex pieces stand for {each}" for each, count in zip(found[:TOLD], counts, strict=False)
-    ]
-    more = f"; and for {len(found) - TOLD} meshes more" if len(found) > TOLD else ""
-    return f"model: {', '.join(told)}{more}"
+    told = [f"{count} convex pieces for {each}" for each, count in zip(found[:TOLD], counts, strict=False)]
+    more = f"; {sum(counts[TOLD:])} for {len(found) - TOLD} geoms more" if len(found) > TOLD else ""
+    return f"model: meshes that are not convex: {'; '.join(told)}{more}"
 
 
 def _refusal(undone: list[tuple[Concave, str]]) -> str:
     told = [str(each) for each, _ in undone[:TOLD]]
-    more = f" and {len(undone) - TOLD} more" if len(undone) > TOLD else ""
-    first, why = undone[0]
-    is_one = len(undone) == 1
-    way = (
-        f"{why}: mend the mesh"
-        if is_installed()
-        else "pip install 'rungwise[meshes]' lets convex pieces stand for " + ("it" if is_one else "them")
-    )
+    more = f"; and {len(undone) - TOLD} geoms more" if len(undone) > TOLD else ""
+    (first, why), *others = undone
+    if not first.solid.fault:
+        lacking = f"; {why}" + ("" if is_installed() else " (pip install 'rungwise[meshes]')")
+    else:
+        lacking = ""
+    name = "*" if others else first.label
     return (
-        f"model: not convex: {', '.join(told)}{more}; {way}, or take the hull on purpose by"
-        f' meshes: {{"{first.label if is_one else "*"}": hull}} of the scene\'s model or inertia="convex" of the'
-        " mesh, or simpler geoms"
+        f"model: meshes that are not convex, and not decomposed: {'; '.join(told)}{more}{lacking}; to take"
+        f' their hulls on purpose, say meshes: {{"{name}": hull}} in the scene\'s model, or'
+        ' inertia="convex" of the mesh; or take simpler geoms'
     )

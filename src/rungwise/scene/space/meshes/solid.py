@@ -5,8 +5,8 @@ hull's size, the edge of a cube of the same volume. The volume that the mesh lea
 hole for a peg is a hundredth of a large plate. The volume is what is told to people.
 
 Faces are joined over edges that exactly two of them have, after vertices at one place have been welded, into
-*parts*. A part that encloses a negative volume, as faces turned inward do, is a void in another one; where
-all do, the whole mesh is turned inside out. Parts within a convex part are of no account.
+*parts*. A part that encloses a negative volume, as faces turned inward do, is a void in another one around
+it; where the largest does, the whole mesh is turned inside out. Parts within a convex part are of no account.
 """
 
 from __future__ import annotations
@@ -85,10 +85,10 @@ def solid(vertices: Reals, faces: Ints) -> Solid:
         area = float(_areas(vertices, faces).sum())
         is_shell = _depth(vertices, faces, hull) <= LEVEL * size and area >= (1.0 - LEVEL) * hull.area
         return Solid(is_shell, 0.0, False, (), f"its surface is open at {open_edges} edges")
-    parts = _parts(vertices, faces, edges, sides)
-    if parts is None:
+    every = _parts(vertices, faces, edges, sides)
+    if every is None:
         return Solid(False, 0.0, False, (), "its faces have no outside")
-    parts = _outer(parts, ROUNDED * size)
+    parts = _outer(every, ROUNDED * size)
     filled = sum(part.volume for part in parts)
     if filled <= ROUNDED * hull.volume:
         return Solid(False, 1.0, False, (), "it encloses no volume")
@@ -132,7 +132,7 @@ def _parts(vertices: Reals, faces: Ints, edges: Ints, sides: Ints) -> list[Part]
         return None
     turned = [own for own in found if own is not None]
     volumes = np.array([_volume(vertices, own) for own, _ in turned])
-    if not (volumes > 0.0).any():
+    if volumes[np.abs(volumes).argmax()] < 0.0:
         volumes, turned = -volumes, [(own[:, ::-1], told) for own, told in turned]
     for k, (own, told) in enumerate(turned):
         if volumes[k] < 0.0 and not told:  # which side was meant cannot be known
@@ -144,7 +144,7 @@ def _neighbours(edges: Ints, sides: Ints) -> Ints:
     """Sides (n, 2) that meet at an edge of exactly two faces."""
     order = np.argsort(edges, kind="stable")
     order = order[sides[edges[order]] == 2]
-    return order.reshape(-1, 2)
+    return np.asarray(order.reshape(-1, 2))
 
 
 def _graph(pairs: Ints, count: int) -> coo_array:
@@ -176,21 +176,28 @@ def _turned(faces: Ints, own: Ints, pairs: Ints) -> tuple[Ints, bool] | None:
     return np.where(flip[:, None] == 1, faces[own][:, ::-1], faces[own]), False
 
 
-def _with_voids(vertices: Reals, surfaces: list[Ints], volumes: Reals) -> list[Part] | None:
-    """Parts from surfaces; a void belongs to the smallest surface in whose hull it lies."""
+def _with_voids(vertices: Reals, surfaces: list[Ints], volumes: Reals) -> list[Part]:
+    """Parts from surfaces; a void belongs to the smallest surface in whose hull it lies, and is a part that
+    was turned inside out if there is none."""
     hulls = [hull_of(vertices[np.unique(faces)]) for faces in surfaces]
-    outer = [k for k in np.argsort(volumes, kind="stable").tolist() if volumes[k] > 0.0 and hulls[k]]
-    voids: dict[int, list[int]] = {k: [] for k in outer}
+    order = np.argsort(volumes, kind="stable").tolist()
+    voids: dict[int, list[int]] = {k: [] for k in order if volumes[k] > 0.0}
     for k in np.flatnonzero(volumes < 0.0).tolist():
         corners = vertices[np.unique(surfaces[k])]
-        around = [j for j in outer if (hulls[j].depths(corners) >= 0.0).all()]  # type: ignore[union-attr]
+        around = [j for j in order if volumes[j] > 0.0 and _is_around(hulls[j], corners)]
         if around:
             voids[around[0]].append(k)
+        else:
+            voids[k], surfaces[k], volumes[k] = [], surfaces[k][:, ::-1], -volumes[k]
     return [
         _part(vertices, [surfaces[j] for j in (k, *inner)], hull, float(volumes[[k, *inner]].sum()))
         for k, inner in voids.items()
         if (hull := hulls[k]) is not None
     ]
+
+
+def _is_around(hull: Hull | None, points: Reals) -> bool:
+    return hull is not None and bool((hull.depths(points) >= 0.0).all())
 
 
 def _part(vertices: Reals, surfaces: list[Ints], hull: Hull, volume: float) -> Part:
