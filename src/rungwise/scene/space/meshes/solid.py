@@ -4,9 +4,10 @@ A mesh is *convex* if no point of its surface is deeper below that of its convex
 hull's size, the edge of a cube of the same volume. The volume that the mesh leaves out does not tell this: a
 hole for a peg is a hundredth of a large plate. The volume is what is told to people.
 
-Faces are joined over edges that exactly two of them have, after vertices at one place have been welded, into
-*parts*. A part that encloses a negative volume, as faces turned inward do, is a void in another one around
-it; where the largest does, the whole mesh is turned inside out. Parts within a convex part are of no account.
+Faces are joined over edges that exactly two of them have into *parts*; where that leaves edges open, vertices
+at one place are welded before. A part that encloses a negative volume, as faces turned inward do, is a void
+in another one around it; where the largest does, the whole mesh is turned inside out. Parts within a convex
+part are of no account.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ scan, and of parts whose faces were thinned out. Below what `accuracy` asks of p
 ROUNDED = 1e-6
 """Distance over a mesh's size that is rounding: a few roundings of single precision, in which MuJoCo keeps
 meshes."""
+POINTS, GRID = 20_000, (2, 8)
+"""Points at which the depth of a surface is measured, and the least and greatest number of parts of an edge
+between them: faces may dip between corners that do not, where parts cross each other."""
 BLOCK = 1 << 22
 """Distances from planes that are held in memory at a time."""
 
@@ -74,7 +78,9 @@ class Solid:
 
 def solid(vertices: Reals, faces: Ints) -> Solid:
     """What vertices (k, 3) and faces (f, 3) enclose."""
-    vertices, faces = _welded(np.asarray(vertices, float), np.asarray(faces, np.int64))
+    vertices, faces = np.asarray(vertices, float), np.asarray(faces, np.int64)
+    if (_edges(faces)[1] % 2).any():
+        vertices, faces = _welded(vertices, faces)
     hull = hull_of(vertices)
     if hull is None:
         return Solid(True, 0.0, False, ())  # flat: MuJoCo refuses it, or gives it no thickness
@@ -251,10 +257,12 @@ def _depth(vertices: Reals, faces: Ints, hull: Hull) -> float:
 
 
 def _points(vertices: Reals, faces: Ints) -> Reals:
-    """Points of a surface: vertices, and middles of edges and faces."""
-    corners = vertices[faces]
-    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
-    return np.concatenate([vertices[np.unique(faces)], middles.reshape(-1, 3), corners.mean(axis=1)])
+    """Points of a surface: of each face a grid, with its corners, and at least the middles of its edges."""
+    room = POINTS / max(len(faces), 1)
+    count = int(np.clip(np.sqrt(2.0 * room) - 1.0, *GRID))
+    grid = [(i, j, count - i - j) for i in range(count + 1) for j in range(count + 1 - i)]
+    places = np.array(grid) / count @ vertices[faces]
+    return np.asarray(places.reshape(-1, 3))
 
 
 def _areas(vertices: Reals, faces: Ints) -> Reals:
