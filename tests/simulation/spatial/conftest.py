@@ -18,7 +18,7 @@ Make = Callable[..., SpaceScene]
 def make(tmp_path: Path) -> Make:
     """A function of what stands inside <mujoco>, and of fields of the scene."""
 
-    def made(model: str, **fields: Any) -> SpaceScene:
+    def made(model: str, /, **fields: Any) -> SpaceScene:
         path = tmp_path / f"m{len(list(tmp_path.iterdir()))}.xml"
         path.write_text(f"<mujoco>{model}</mujoco>")
         model_field = {"file": str(path), **fields.pop("model", {})}

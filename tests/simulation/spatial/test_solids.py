@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from rungwise.scene.space.meshes.decompose import pieces
 from rungwise.scene.space.meshes.solid import LEVEL, solid
 
-from .solids import CONCAVE, Mesh, bowl, box, plate_with_hole, ring, u_shape
+from .solids import CONCAVE, Mesh, bowl, box, plate_with_hole, prism, ring, u_shape
 
 
 def _ball(count: int = 300, seed: int = 0) -> Mesh:
@@ -47,8 +48,6 @@ def test_a_dent_counts_from_its_depth_on_however_wide_it_is() -> None:
     """A bar of square section, which a wedge of the given depth is cut out of, or a narrow hole."""
     for width in (0.01, 0.9):
         for depth, is_convex in ((0.5 * LEVEL, True), (2.0 * LEVEL, False)):
-            import shapely
-
             outline = [
                 (-0.5, 0),
                 (0.5, 0),
@@ -58,15 +57,9 @@ def test_a_dent_counts_from_its_depth_on_however_wide_it_is() -> None:
                 (-width / 2, 1),
                 (-0.5, 1),
             ]
-            assert solid(*prism_of(shapely.Polygon(outline))).is_convex is is_convex
+            assert solid(*prism(shapely.Polygon(outline), 1.0)).is_convex is is_convex
     narrow = solid(*plate_with_hole(1.0, 0.02, 1.0))
     assert not narrow.is_convex and narrow.share == pytest.approx(4e-4)
-
-
-def prism_of(outline: object) -> Mesh:
-    from .solids import prism
-
-    return prism(outline, 1.0)
 
 
 def test_rounding_of_a_scan_leaves_a_mesh_convex() -> None:

@@ -3,7 +3,8 @@
 Method: X. Wei, M. Liu, Z. Ling, H. Su, Approximate convex decomposition for 3D meshes with collision-aware
 concavity and tree search, ACM Transactions on Graphics 41 (2022), in the package `coacd`. It runs in a
 process of its own, since input that it cannot take ends the process that it runs in, or keeps it busy without
-end. Surfaces with exactly two faces at each edge are cut as they are; others are first made anew, by its own
+end. It cuts across axes, which are those of the largest faces here, so that a mesh may lie as it likes.
+Surfaces with exactly two faces at each edge are cut as they are; others are first made anew, by its own
 remeshing, which rounds corners.
 
 What was found is kept beside a hash of vertices, faces, settings and the version of the package, as numbers
@@ -37,6 +38,11 @@ SLIVER = 1e-6
 LIMIT_S = 600.0
 """Seconds after which CoACD is taken not to end: fifteen times what the worst link of an industrial arm
 takes."""
+ALIKE = 1e-3
+"""Angle in rad within which faces count as of one plane's direction: roundings of single precision on faces
+a thousandth as long as the mesh."""
+TRIED = 100
+"""Faces, the largest, whose normals are tried as axes."""
 FORMAT = b"1"
 """Of files that are kept."""
 CHILD = Path(__file__).with_name("coacd_child.py")
@@ -115,15 +121,38 @@ def _unpacked(content: bytes) -> list[Reals]:
     return found
 
 
+def _axes(part: Part) -> Reals:
+    """Axes (3, 3), as columns, right-handed: the normal of the largest area, that of the largest area beside
+    it, and the one across."""
+    a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
+    across = np.cross(b - a, c - a)
+    first = _way_of_most(across)
+    second = _way_of_most(across - np.outer(across @ first, first))
+    return np.column_stack([first, second, np.cross(first, second)])
+
+
+def _way_of_most(across: Reals) -> Reals:
+    """The direction (3,) along which most of some areas (f, 3) are, to either side, within `ALIKE`."""
+    areas = np.linalg.norm(across, axis=1)
+    ways = across[areas > SLIVER * areas.max()]
+    areas = areas[areas > SLIVER * areas.max()]
+    ways = ways / areas[:, None]
+    least = 1.0 - 0.5 * ALIKE**2
+    largest = np.argsort(-areas, kind="stable")[:TRIED]
+    sums = [float(areas[np.abs(ways @ ways[k]) >= least].sum()) for k in largest]
+    return np.asarray(ways[largest[int(np.argmax(sums))]])
+
+
 def _decomposed(part: Part, accuracy: float) -> list[Reals]:
     """Pieces of a part. Raises Undone where CoACD finds none."""
-    given = {"vertices": part.vertices, "faces": part.faces, "accuracy": np.array([accuracy])}
+    axes = _axes(part)
+    given = {"vertices": part.vertices @ axes, "faces": part.faces, "accuracy": np.array([accuracy])}
     given["remesh"] = np.array([0.0 if part.is_plain else 1.0])
     try:
         run = subprocess.run(
             [sys.executable, str(CHILD)], input=_packed(given), capture_output=True, timeout=LIMIT_S
         )
-        return _unpacked(run.stdout)
+        return [each @ axes.T for each in _unpacked(run.stdout)]
     except subprocess.TimeoutExpired:
         raise Undone(f"CoACD did not end in {LIMIT_S:g} s") from None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
