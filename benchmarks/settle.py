@@ -23,7 +23,8 @@ LIMIT = 30.0
 def outcome(path: Path, settle: bool) -> tuple[str, str]:
     """What two steps on dynamic-compliant come to, and why; "refused" where the scene is not read."""
     try:
-        scene = rw.load(path, settle=settle)
+        model = {"file": str(path.resolve()), "meshes": {"*": "hull"}}
+        scene = rw.load({"name": "model", "model": model}, settle=settle)
         step = float(scene.bind().model.opt.timestep)
         run = rw.simulate(scene, "dynamic-compliant", duration=2.0 * step, limit=LIMIT)
     except rw.InputError as error:
