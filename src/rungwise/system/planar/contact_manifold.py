@@ -160,14 +160,13 @@ def manifold(a: Record, b: Record, outline: Reals, chains: Chains, found: Found)
         of_b = _best_of_outline(b, a, inside, outline, chains)
         if of_a[1] < 0 and of_b[1] < 0:
             return 0
-    if of_a[0] >= of_b[0]:
-        count = _from_edge(Sides(a, b, -1.0, outline), of_a, chains, found)
-    else:
-        count = _from_edge(Sides(b, a, 1.0, outline), of_b, chains, found)
     slack = FLUSH * min(a.reach, b.reach)
-    if chains.joined[0] != 0 and apart > slack:
-        count = _drop_overlaps(count, -slack - a.radius - b.radius, found)
-    return count
+    elsewhere = chains.joined[0] != 0 and apart > slack
+    if of_a[0] >= of_b[0]:
+        count = _from_edge(Sides(a, b, -1.0, outline), of_a, elsewhere, chains, found)
+    else:
+        count = _from_edge(Sides(b, a, 1.0, outline), of_b, elsewhere, chains, found)
+    return _drop_overlaps(count, -slack - a.radius - b.radius, found) if elsewhere else count
 
 
 @inner_kernel
@@ -262,15 +261,17 @@ def _middle(i: int, shape: Record, outline: Reals) -> float:
 
 
 @kernel
-def _from_edge(sides: Sides, best: Separation, chains: Chains, found: Found) -> int:
-    """Points on the best edge as on a lone shape, but on the whole faces of the edge and the facing edge."""
+def _from_edge(sides: Sides, best: Separation, elsewhere: bool, chains: Chains, found: Found) -> int:
+    """Points on the best edge of the shape: ends of the stretch where its whole face and the one that faces
+    it lie beside each other. Of shapes that are apart by an edge between pieces, what overlaps beyond the
+    ends of faces touches `elsewhere`."""
     shape, other, outline = sides.shape, sides.other, sides.outline
     (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE
     if other.end - other.first == 1:
-        if apart and not plane and not is_over(edge, vertex, outline, chains):
-            return _closest_vertices(sides, chains, found)
+        if (apart or elsewhere) and not plane and not is_over(edge, vertex, outline, chains):
+            return _closest_vertices(sides, chains, found) if apart else 0
         if _is_beyond_seam(edge, vertex, plane, outline, chains):
             return 0
         features[0] = put(edge, vertex, sides, points[0])
@@ -299,7 +300,8 @@ def _from_edge(sides: Sides, best: Separation, chains: Chains, found: Found) -> 
         if not are_parallel(edge, facing, outline):
             return count
     else:
-        if not (other.first <= nearest < other.end) or _is_beyond_seam(edge, nearest, plane, outline, chains):
+        ours = other.first <= nearest < other.end
+        if elsewhere or not ours or _is_beyond_seam(edge, nearest, plane, outline, chains):
             return 0
         features[0] = put(edge, nearest, sides, points[0])
         return 1
