@@ -49,7 +49,9 @@ def loops_of(shape: Shape) -> Loops | None:
             return None
         pairs = zip(numbers[::2], numbers[1::2], strict=True)
         loops.append([(x + c * u - s * v, y + s * u + c * v) for u, v in pairs])
-    return loops if isinstance(shape, Outline) or _is_convex(loops[0]) else None
+    if isinstance(shape, Outline):
+        return loops if all(len(set(loop)) == len(loop) for loop in loops) else None
+    return loops if _is_convex(loops[0]) else None
 
 
 def _known(values: Sequence[Number]) -> list[float] | None:
@@ -108,8 +110,8 @@ def _edges(polygons: Sequence[Any], near: float) -> tuple[list[Place], list[set[
         own: set[Edge] = set()
         for loop in loops:
             for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
-                way = [a, *_between(places[a], places[b], places, near), b]
-                own.update(pairwise(way))
+                if a != b:
+                    own.update(pairwise([a, *_between(places[a], places[b], places, near), b]))
         cut.append(own)
     return places, cut
 

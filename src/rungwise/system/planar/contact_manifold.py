@@ -162,7 +162,7 @@ def manifold(a: Record, b: Record, outline: Reals, chains: Chains, found: Found)
             return 0
     slack = FLUSH * min(a.reach, b.reach)
     elsewhere = chains.joined[0] != 0 and apart > slack
-    if of_a[0] >= of_b[0]:
+    if of_a[0] >= of_b[0] - slack:
         count = _from_edge(Sides(a, b, -1.0, outline), of_a, elsewhere, chains, found)
     else:
         count = _from_edge(Sides(b, a, 1.0, outline), of_b, elsewhere, chains, found)
