@@ -7,15 +7,18 @@ the functions are those of MuJoCo's package, of the objects with these addresses
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints
 
+Ints32: TypeAlias = NDArray[np.int32]
 MODEL, DATA = 0, 1
 """Places of the addresses of a model and of its data."""
 COUNTS = ("ne", "nf", "nl")
@@ -27,6 +30,8 @@ ROWS = (
 """What MuJoCo says of constraints; it lies in memory that each state divides anew."""
 INTEGER, REAL = 4, 8
 """Bytes of MuJoCo's int and mjtNum."""
+
+
 class Native:
     """A C function of MuJoCo whose arguments are addresses or, where `kinds` says i or d, an int or a real
     number."""
@@ -43,7 +48,8 @@ class Native:
         return types.ExternalFunction(self.name, types.void(*map(kinds.__getitem__, self.kinds)))
 
     def __call__(self, *arguments: Any) -> None:
-        return self._function(*arguments)  # type: ignore[no-any-return]
+        kinds = zip(self.kinds, arguments, strict=True)
+        self._function(*(float(value) if kind == "d" else int(value) for kind, value in kinds))
 
     @cached_property
     def _function(self) -> Any:
@@ -117,9 +123,9 @@ class Read:
         return types.Function(make_intrinsic_template(self, define, "read", prefer_literal=False, kwargs={}))
 
 
-integer_at = Read(ctypes.c_int32, 32)
-pointer_at = Read(ctypes.c_int64, 64)
-real_at = Read(ctypes.c_double, 64)
+integer_at: Callable[[int], int] = Read(ctypes.c_int32, 32)
+pointer_at: Callable[[int], int] = Read(ctypes.c_int64, 64)
+real_at: Callable[[int], float] = Read(ctypes.c_double, 64)
 
 
 @cache
@@ -145,9 +151,9 @@ _PROBE = """<mujoco><option jacobian="sparse"/><worldbody><body><joint name="a" 
  frictionloss="1"/><geom size="1"/></body></worldbody><equality><joint joint1="a"/></equality></mujoco>"""
 """A model with a row of each kind."""
 _KINDS: dict[str, Any] = {
-    "int": ctypes.c_int, "size_t": ctypes.c_size_t, "uintptr_t": ctypes.c_size_t, "mjtNum": ctypes.c_double,
-    "mjtSize": ctypes.c_int64, "mjtBool": ctypes.c_uint8, "mjtByte": ctypes.c_uint8, "double": ctypes.c_double,
-    "float": ctypes.c_float, "uint64_t": ctypes.c_uint64, "char": ctypes.c_char,
+    "int": ctypes.c_int, "size_t": ctypes.c_size_t, "uintptr_t": ctypes.c_size_t, "mjtSize": ctypes.c_int64,
+    "mjtNum": ctypes.c_double, "mjtBool": ctypes.c_uint8, "mjtByte": ctypes.c_uint8,
+    "double": ctypes.c_double, "float": ctypes.c_float, "uint64_t": ctypes.c_uint64, "char": ctypes.c_char,
 }  # fmt: skip
 
 
