@@ -45,6 +45,8 @@ ROUNDED = 4
 trial."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over the farthest motion in the step."""
+ON_TIME = 1e-12
+"""Part of the time until a contact closes that is rounding."""
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
 NOTE = record_type(
@@ -266,6 +268,27 @@ def pushes(s: Setting) -> bool:
         if s.scratch.contact_force[r] != 0.0:
             return True
     return False
+
+
+@kernel
+def landing(s: Setting, h: float) -> float:
+    """The longest step after which none of the open contacts has closed that push at the end of one of length
+    h, where all falls freely; 0 where none does, where nothing falls, or where contacts pushed before."""
+    terms, v, d = s.terms, s.state.v, s.terms.contact_stiffness.shape[1]
+    least, lands = h, s.attempt.note[0].falls != 0
+    for slot in range(s.state.force.shape[0]):
+        for i in range(d):
+            lands &= s.state.force[slot, i] == 0.0
+    for k in range(s.attempt.note[0].contacts if lands else 0):
+        gap = terms.gap[k]
+        if s.scratch.contact_force[d * k] > 0.0 and gap > terms.rounding[0]:
+            closes = -rate(terms.entries, terms.rows, d * k, d, v)
+            falls = -rate(terms.entries, terms.rows, d * k, d, terms.fall)
+            inside = closes * closes + 4.0 * falls * gap
+            ends = 2.0 * gap / (closes + math.sqrt(inside)) if inside >= 0.0 else 0.0
+            least = min(least, ends) if ends > 0.0 else least
+    least *= 1.0 - ON_TIME
+    return least if least < (1.0 - ON_TIME) * h else 0.0
 
 
 @system_kernel

@@ -30,10 +30,10 @@ from rungwise.simulation.core.attempt import (
     allocate_attempt,
     attempt,
     fill_terms,
+    landing,
     reach_of,
 )
 from rungwise.simulation.core.crawl import BENT, FAR, OVERLAPPING, Crawl, Leap, culprit
-from rungwise.simulation.core.fall import landing
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
@@ -127,7 +127,7 @@ class Stepper:
         self.note = self.tried.note.view(np.dtype(self.tried.note.dtype.descr)).view(np.ndarray)[0]
         self.setting = Setting(self._record, self.terms, self.state, self.scratch, self.problem, self.tried)
         self._plain = PlainSystem(self.system, self._further)
-        self._solve, self._take = steady(solve_step), steady(accept)
+        self._solve, self._take, self._landing = steady(solve_step), steady(accept), steady(landing)
         self._attempt_in = steady(attempt) if self._is_compiled else attempt
         self._fill_in = steady(fill_terms) if self._is_compiled else fill_terms
         self._reach_in = steady(reach_of) if self._is_compiled else reach_of
@@ -186,7 +186,7 @@ class Stepper:
                     self._accept(h)
                     return max(wish, planned) if landed else wish
                 self.crawl.vote(BENT, -1)
-                lands = self._lands(h)
+                lands = float(self._landing(self.setting, h))
                 # What an impact changes does not shrink with the step.
                 h, landed = (max(lands, CAUTION * h * tol / error), True) if lands > 0.0 else (wish, landed)
                 continue
@@ -214,14 +214,6 @@ class Stepper:
     def _cause(self) -> int:
         """What the last attempt failed by."""
         return int(self.note["cause"])
-
-    def _lands(self, h: float) -> float:
-        """See `landing`; 0 where nothing falls, or contacts pushed before the step."""
-        if not self.note["falls"] or self.state.force.any():
-            return 0.0
-        step = self._tried(h)
-        force = step.scratch.contact_force[: step.contacts * self.system.size.directions]
-        return landing(step.terms, force, step.state.v, h)
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
