@@ -118,6 +118,7 @@ class Stepper:
         self.terms.low[0] = math.inf
         self.crawl = Crawl(self.step, self.time)
         self._record = self.rung.record(self.theta)
+        self.clock_numbers = self.state.clock.view(np.float64)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         pulls = self._further is not None and self._further.pulls
         weighs = self.rung.inertia == 1.0 and self.rung.loads and not (size.limited or pulls)

@@ -45,11 +45,13 @@ from rungwise.system.spatial.native import (
     MODEL,
     load,
     mj_comPos,
+    mj_energyPos,
     mj_factorM,
     mj_integratePos,
     mj_kinematics,
     mj_makeConstraint,
     mj_makeM,
+    mj_mulM,
     mj_tendon,
     mj_transmission,
 )
@@ -98,7 +100,8 @@ class Mechanism(Block):
 
     Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
     `kept` are the features of the last step that was taken, `found` those of the last `fill`; after (n_q,),
-    lengths (v,) and the geoms' frames `begun` and `ended` are scratch.
+    momentum (n,), lengths (v,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,) is in
+    MuJoCo's memory.
     """
 
     address: Ints
@@ -121,6 +124,8 @@ class Mechanism(Block):
     vectors: Ints
     kept: Features
     found: Features
+    energy: Reals
+    momentum: Reals
     after: Reals
     lengths: Reals
     begun: Frames
@@ -197,7 +202,7 @@ class Space:
         self.falls = self.loads.falls
         self.activation = self.begun.copy()
         self._put_at, self._fill, self._passes = steady(put_at), steady(fill_terms), steady(may_go_through)
-        self._fastest_point = steady(fastest_point)
+        self._fastest_point, self._energy = steady(fastest_point), steady(energy_of)
         self.forget()
 
     def _make_mechanism(self) -> None:
@@ -214,8 +219,8 @@ class Space:
             "solids": self.solids, "rates": rates(m, self.reaches), "reaches": self.reaches, "vectors": which,
         }  # fmt: skip
         rest: dict[str, Any] = {
-            "after": np.zeros(m.nq), "lengths": np.zeros(len(which) - 1), "begun": frames[0],
-            "ended": frames[1],
+            "energy": data.energy, "momentum": np.zeros(m.nv), "after": np.zeros(m.nq),
+            "lengths": np.zeros(len(which) - 1), "begun": frames[0], "ended": frames[1],
         }  # fmt: skip
         self.mechanism = Mechanism(**same, kept=one, found=other, **rest)
         self._turned = Mechanism(**same, kept=other, found=one, **rest)
@@ -326,17 +331,13 @@ class Space:
         return bool(found)
 
     def energy(self, q: Reals, v: Reals) -> float:
-        momentum = np.zeros(self.model.nv)
-        self.put_momentum(q, v, momentum)
-        self._mujoco.mj_energyPos(self.model, self.data)
-        with np.errstate(over="ignore", invalid="ignore"):
-            energy = float(self.data.energy[0] + 0.5 * v @ momentum)
-        return math.inf if math.isnan(energy) else energy  # of what has run away it is inf
+        self._at(q)
+        return float(self._energy(self.mechanism, v))
 
     def put_momentum(self, q: Reals, v: Reals, momentum: Reals) -> None:
         """Fill momentum (n,) with M v at q."""
         self._at(q)
-        self._mujoco.mj_mulM(self.model, self.data, momentum, v)
+        put_momentum(self.mechanism, v, momentum)
 
     def geoms(self, slots: Ints) -> Ints:
         """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
@@ -472,6 +473,23 @@ def fill_terms(m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: 
     for k in range(known, count):
         fresh[k] = 0
     return count
+
+
+@kernel
+def put_momentum(m: Mechanism, v: Reals, momentum: Reals) -> None:
+    """Fill momentum (n,) with M v, where the data are."""
+    mj_mulM(m.address[MODEL], m.address[DATA], momentum.ctypes.data, v.ctypes.data)
+
+
+@kernel
+def energy_of(m: Mechanism, v: Reals) -> float:
+    """The energy at velocities v (n,), where the data are; inf of what has run away."""
+    put_momentum(m, v, m.momentum)
+    mj_energyPos(m.address[MODEL], m.address[DATA])
+    energy = m.energy[0]
+    for i in range(len(v)):
+        energy += 0.5 * v[i] * m.momentum[i]
+    return math.inf if math.isnan(energy) else float(energy)
 
 
 @contract.fill.given_by(Mechanism)
