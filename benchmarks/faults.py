@@ -486,6 +486,27 @@ FAULTS = (
         "impulses are those of the last step alone", True,
     ),
     Fault(
+        "seam-corner-counts", "src/rungwise/system/planar/chains.py",
+        "        if corner in (DEAD, REFLEX):\n            return False\n        if",
+        "        if",
+        ("tests/simulation/test_outlines.py",),
+        "a vertex between flush pieces stands out of their outline",
+    ),
+    Fault(
+        "corner-of-the-other", "src/rungwise/system/planar/contact_manifold.py",
+        "is_corner(of_b, nx, ny, outline, chains) and is_corner(of_a, -nx, -ny, outline, chains)",
+        "is_corner(of_a, nx, ny, outline, chains) and is_corner(of_b, -nx, -ny, outline, chains)",
+        ("tests/system/planar/test_seams.py",),
+        "corners that pieces share touch nothing",
+    ),
+    Fault(
+        "tie-by-rounding", "src/rungwise/system/planar/contact_manifold.py",
+        "if of_a[0] >= of_b[0] - slack:",
+        "if of_a[0] >= of_b[0]:",
+        ("tests/simulation/test_outlines.py",),
+        "rounding decides which of two faces keeps bodies apart where corner meets corner",
+    ),
+    Fault(
         "jam-told-late", "src/rungwise/simulation/planar/loop.py",
         "(BETWEEN if refused else -1)", "(BETWEEN if refused else -2 * BETWEEN)",
         ("tests/simulation/test_wedged.py::"

@@ -26,7 +26,6 @@ from rungwise.system.entries import CROWDED
 from rungwise.system.planar.chains import (
     FLUSH,
     PLAIN,
-    SHARP,
     Chains,
     face_of,
     facing_edge,
@@ -228,27 +227,9 @@ def _best_of_outline(
             continue
         if chains.corner[deepest] != PLAIN:
             least = min(least, least_of_face(i, deepest, outline, chains))
-        if least > best and not _is_neighbours(i, least, shape, other, outline, chains):
+        if least > best:
             best, best_edge, best_vertex = least, i, deepest
     return best, best_edge, best_vertex
-
-
-@kernel
-def _is_neighbours(
-    i: int, least: float, shape: Record, other: Record, outline: Reals, chains: Chains
-) -> bool:
-    """Whether a face next to that of edge i, around a corner of the outline and of another piece, is farther
-    from `other`: then `other` is in that face's region."""
-    if shape.kind == HALFPLANE:
-        return False
-    for k in range(2):
-        end = chains.whole[i, k]
-        ghost = chains.cone[end, k]
-        if chains.corner[end] == SHARP and not shape.first <= ghost < shape.end:
-            beyond, _ = deepest_vertex(ghost, other, outline)
-            if beyond > least:
-                return True
-    return False
 
 
 @kernel
@@ -468,9 +449,9 @@ def _closest_vertices(sides: Sides, chains: Chains, found: Found) -> int:
     other."""
     _put_closest(sides, found)
     (points, features), outline = found, sides.outline
-    second, first = features[0] // VERTICES - VERTICES, features[0] % VERTICES
+    of_b, of_a = features[0] // VERTICES - VERTICES, features[0] % VERTICES
     nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
-    if is_corner(first, nx, ny, outline, chains) and is_corner(second, -nx, -ny, outline, chains):
+    if is_corner(of_b, nx, ny, outline, chains) and is_corner(of_a, -nx, -ny, outline, chains):
         return 1
     features[0] = ABSENT
     return 0
