@@ -179,9 +179,9 @@ FAULTS = (
         "a deformation without force relaxes by theta", True,
     ),
     Fault(
-        "step-gap-sign", "src/rungwise/simulation/core/stepper.py",
-        "terms.gap[:count] -= h * terms.rows", "terms.gap[:count] += h * terms.rows", _CORE,
-        "the gap's advance with the wrong sign in the stepper", True,
+        "step-gap-sign", "src/rungwise/simulation/core/attempt.py",
+        "terms.gap[k] -= h * rate(", "terms.gap[k] += h * rate(", _CORE,
+        "the gap's advance with the wrong sign in the attempt", True,
     ),
     Fault(
         "step-half-error", "src/rungwise/simulation/core/stepper.py",
