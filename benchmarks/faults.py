@@ -486,11 +486,11 @@ FAULTS = (
         "impulses are those of the last step alone", True,
     ),
     Fault(
-        "seam-corner-counts", "src/rungwise/system/planar/chains.py",
-        "        if corner in (DEAD, REFLEX):\n            return False\n        if",
-        "        if",
-        ("tests/simulation/test_outlines.py",),
-        "a vertex between flush pieces stands out of their outline",
+        "beyond-a-piece", "src/rungwise/system/planar/contact_manifold.py",
+        "if elsewhere or not ours or",
+        "if not ours or",
+        ("tests/system/planar/test_seams.py",),
+        "a piece touches what is level with its face, beyond its end, and beside another piece",
     ),
     Fault(
         "corner-of-the-other", "src/rungwise/system/planar/contact_manifold.py",

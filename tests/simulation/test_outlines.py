@@ -114,7 +114,7 @@ def motion(
     return frame.back(np.array([end["x"], end["y"], end["angle"]]))
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(60)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", SLIDERS)
 @pytest.mark.parametrize("ground", FLOORS)
@@ -155,7 +155,6 @@ def row(rng: Generator) -> list[tuple[list[Loop], float]]:
     return parts
 
 
-@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("model", rw.LADDER[1:], ids=str)
 def test_mirrored_rows_mirror_the_motion(model: rw.Rung, seed: int) -> None:

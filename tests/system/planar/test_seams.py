@@ -94,3 +94,15 @@ def test_slanted_seams_make_no_points(planar: Callable[..., Any], kind: str) -> 
             expected, found = points(plain, q), points(seamed, q)
             assert found.shape == expected.shape, (k, q, expected, found)
             assert found == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_piece_touches_no_level_face_beside_it(planar: Callable[..., Any]) -> None:
+    """A slider in two pieces that stands on one of two tables of the same height."""
+    tables = [box(0.0, 1.0, -0.5, 0.0), box(2.0, 3.0, -0.5, 0.0)]
+    floor = {"f": {"role": "obstacle", "shape": tables}}
+    pieces = [box(-0.2, 0.1, 0.0, 0.3) | {"radius": "none"}, box(0.1, 0.2, 0.0, 0.3) | {"radius": "none"}]
+    seamed = planar({**floor, "part": FREE | {"shape": pieces}}, parameters={"none": {"default": 0.0}})
+    plain = planar({**floor, "part": FREE | {"shape": box(-0.2, 0.2, 0.0, 0.3)}})
+    for x in (0.5, 0.95, 2.1, 2.5):
+        q = np.array([x, 0.0, 0.0])
+        assert points(seamed, q) == pytest.approx(points(plain, q), abs=1e-12)
