@@ -4,7 +4,7 @@
 
 FOLDER holds MJCF and URDF files in any depth, as packages of robots bring them. Only files that MuJoCo loads,
 once files that they name by package are found, and in which something can move count. Prints one line per
-file that does not start, and the sums.
+file that does not start, and the sums. Meshes stand for their convex hulls.
 """
 
 from __future__ import annotations

@@ -6,7 +6,11 @@ import pytest
 
 import rungwise as rw
 from rungwise.models.ladder import Rung
+from rungwise.simulation.core.attempt import Setting
+from rungwise.simulation.core.crawl import OVERLAPPING
+from rungwise.simulation.core.step import UNSOLVED
 from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.system.spatial.space import Mechanism
 
 from .conftest import Make
 from .measure import FLOOR, NO_GRAVITY, free, world
@@ -35,7 +39,16 @@ def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
     simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
     assert simulation.stepper is not None
     simulation.stepper.crawl.attempts = 9_000  # as if so many had been made
-    monkeypatch.setattr(simulation.stepper, "_fits", lambda _v, h, _way, _before: h < 1e-7)
+    tried = simulation.stepper._attempt_in
+
+    def overlapping(system: Mechanism, setting: Setting, h: float) -> int:
+        status = int(tried(system, setting, h))
+        if h < 1e-7:
+            return status
+        setting.attempt.note["cause"] = OVERLAPPING
+        return UNSOLVED
+
+    monkeypatch.setattr(simulation.stepper, "_attempt_in", overlapping)
     reason, attempts = _end(simulation)
     assert 1_000 <= attempts < 11_000
     assert "overlap bodies between floor and b." in reason and "dynamic-compliant" in reason

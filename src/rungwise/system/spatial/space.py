@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, RecordArray, steady
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, steady
 from rungwise.scene.space.laws import touching
+from rungwise.system import contract
 from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.named_laws import laws_named
-from rungwise.system.spatial.drives import Drives, drives
+from rungwise.system.spatial.drives import drives
 from rungwise.system.spatial.features import (
     FREE,
     Features,
@@ -26,11 +28,36 @@ from rungwise.system.spatial.features import (
     allocate_features,
     fill_contacts,
     least_gap,
+    seen_in,
 )
-from rungwise.system.spatial.limited import Limited
-from rungwise.system.spatial.loads import Loads
-from rungwise.system.spatial.passing import Passing, frames
-from rungwise.system.spatial.patch.contacts import Contacts
+from rungwise.system.spatial.limited import (
+    Limited,
+    fill_limited,
+    fill_limits,
+    limit_count,
+    limited,
+    passed_rows,
+    violations,
+)
+from rungwise.system.spatial.loads import Loads, fill_loads, loads, unit_masses, with_unit_masses
+from rungwise.system.spatial.native import (
+    DATA,
+    MODEL,
+    load,
+    mj_comPos,
+    mj_energyPos,
+    mj_factorM,
+    mj_integratePos,
+    mj_kinematics,
+    mj_makeConstraint,
+    mj_makeM,
+    mj_mulM,
+    mj_tendon,
+    mj_transmission,
+)
+from rungwise.system.spatial.passing import Rates, is_clear, may_pass, rates
+from rungwise.system.spatial.patch.contacts import Contacts, Finder, look
+from rungwise.system.spatial.patch.shapes import Frames, shapes, thinnest
 from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
 from rungwise.system.terms import Terms
@@ -65,12 +92,52 @@ class Laws(NamedTuple):
     named: RecordArray
 
 
+class Mechanism(Block):
+    """A model as kernels know it. address (2,) of the model and its data; q (n_q,), the place of these, and
+    whether contacts and all else are of that place, `current` (1,); whether there was no room for contacts in
+    the finder, `short` (1,); contacts are looked for within `margin` (1,), the
+    least gap of these is `least` (1,), and `near` (1,) is the margin at first; room (1,) for contacts.
+
+    Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
+    `kept` are the features of the last step that was taken, `found` those of the last `fill`; after (n_q,),
+    momentum (n,), lengths (v,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,) is in
+    MuJoCo's memory.
+    """
+
+    address: Ints
+    q: Reals
+    current: Ints
+    short: Ints
+    margin: Reals
+    least: Reals
+    near: Reals
+    room: Ints
+    joint_margin: Reals
+    joint_lever: Reals
+    tendon_margin: Reals
+    finder: Finder
+    loads: Loads
+    limited: Limited
+    solids: Solids
+    rates: Rates
+    reaches: Reals
+    vectors: Ints
+    kept: Features
+    found: Features
+    energy: Reals
+    momentum: Reals
+    after: Reals
+    lengths: Reals
+    begun: Frames
+    ended: Frames
+
+
 @dataclass
 class Space:
     """A model at given controls (a,) and speeds (n,), nan where a velocity is free; both may change between
     steps. `place`, `motion` and `begun`, the activations (k,), are the start; `activation` (k,) are those at
-    the start of a step, and `acting` (a,) is what actuators act by in it. `kept` are the features of the
-    last step that was taken, and `found` those of the last `fill`."""
+    the start of a step. `kept` are the features of the last step that was taken, and `found` those of the
+    last `fill`."""
 
     model: mujoco.MjModel
     laws: Laws
@@ -80,28 +147,24 @@ class Space:
     pace: Reals
     begun: Reals
     activation: Reals = field(init=False)
-    acting: Reals = field(init=False)
     size: Size = field(init=False)
-    kept: Features = field(init=False)
-    found: Features = field(init=False)
     directions: int = field(init=False)
 
     def __post_init__(self) -> None:
         import mujoco
 
+        load()
         self._mujoco = mujoco
         m = self.model
         _set_options(m)
         self.data = mujoco.MjData(m)
         self.directions = directions(m)
-        self.reaches, self._vectors = reaches(m), vectors(m)
-        self._lengths = np.zeros(len(self._vectors) - 1)
-        self.passing = Passing(m, self.reaches)
-        self.drives: Drives = drives(m)
-        self.contacts = Contacts(m, self.data, self.passing.shapes)
+        self.reaches = reaches(m)
+        made = shapes(m)
+        thin, self.drives = thinnest(m, made), drives(m)
+        self.contacts = Contacts(m, self.data, made)
         touches = touching(m)
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
-        self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
@@ -112,38 +175,73 @@ class Space:
             free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
-        self._q: Reals | None = None
-        self._least: float | None = None
         self._resting: Resting | None = None
         self._framed: mujoco.MjData | None = None
-        self._near = AHEAD * NEAR * length
-        self.look_within(self._near)
-        self._at(self.place)
-        while self.room < BEGINS * len(self._seen.dist):
-            self.room *= 2
+        self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
+        near = AHEAD * NEAR * length
+        self.data.qpos[:] = self.place
+        mujoco.mj_fwdPosition(m, self.data)
+        room = ROOM * int(moving.sum()) + SPARE
+        while room < BEGINS * len(self.contacts.within(near).dist):
+            room *= 2
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
-        self.most = 2 * self.room
-        self.loads = Loads(m, self.drives)
-        self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
-        slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
-        limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
-        crowded = m.nv >= CROWDED
-        named = laws_named(self.laws.named, self._laws_of)
-        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, crowded, named, skewed(m))
-        self._all_free = bool(self.solids.free.all())
-        self.falls = np.where(self.solids.free, self.loads.falls, 0.0)
-        self.activation = self.begun.copy()
-        self.forget()
-        self._fill_contacts, self._least_gap = steady(fill_contacts), steady(least_gap)
-        self._fastest_point = steady(fastest_point)
+        self.room, self.most = room, 2 * room
+        self.loads = loads(m, self.data, self.drives, self.pace)
+        self.limited = limited(m, self.data, self.drives, self.lever, self.solids.free, self.most)
+        slots, rows = self.most + limit_count(self.limited), int(self.data.ne + self.data.nf)
+        self._features = allocate_features(self.most), allocate_features(self.most)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
+        self._margin, self._near = np.array([near]), np.array([near])
+        self._current, self._short, self._least = np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(1)
+        self._make_mechanism()
+        named = laws_named(self.laws.named, self._laws_of)
+        self.size = Size(
+            m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
+            m.nv >= CROWDED, named, skewed(m),
+        )  # fmt: skip
+        self.falls = self.loads.falls
+        self.activation = self.begun.copy()
+        self._put_at, self._fill, self._passes = steady(put_at), steady(fill_terms), steady(may_go_through)
+        self._fastest_point, self._energy = steady(fastest_point), steady(energy_of)
+        self.forget()
+
+    def _make_mechanism(self) -> None:
+        """What kernels know, by the contacts' finder and the loads as they are now."""
+        m, data, geoms = self.model, self.data, self.model.ngeom
+        frames = [Frames(place=np.zeros((geoms, 3)), axes=np.zeros((geoms, 9))) for _ in range(2)]
+        which, (one, other) = vectors(m), self._features
+        same: dict[str, Any] = {
+            "address": self.loads.address, "q": data.qpos, "current": self._current, "short": self._short,
+            "margin": self._margin, "least": self._least, "near": self._near,
+            "room": np.array([self.room]), "joint_margin": m.jnt_margin,
+            "joint_lever": self.lever[m.jnt_dofadr], "tendon_margin": m.tendon_margin,
+            "finder": self.contacts.finder, "loads": self.loads, "limited": self.limited,
+            "solids": self.solids, "rates": rates(m, self.reaches), "reaches": self.reaches, "vectors": which,
+        }  # fmt: skip
+        rest: dict[str, Any] = {
+            "energy": data.energy, "momentum": np.zeros(m.nv), "after": np.zeros(m.nq),
+            "lengths": np.zeros(len(which) - 1), "begun": frames[0], "ended": frames[1],
+        }  # fmt: skip
+        self.mechanism = Mechanism(**same, kept=one, found=other, **rest)
+        self._turned = Mechanism(**same, kept=other, found=one, **rest)
+        self._lengths = self.mechanism.lengths
+
+    @property
+    def kept(self) -> Features:
+        """The features of the last step that was taken."""
+        return self.mechanism.kept
+
+    @property
+    def found(self) -> Features:
+        """The features of the last `fill`."""
+        return self.mechanism.found
 
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
 
     @property
     def driving(self) -> Reals:
-        return self.loads.driving
+        return self.loads.actuators.driving
 
     def speeds(self, _time: float) -> Reals:
         return self.pace
@@ -155,19 +253,16 @@ class Space:
 
     def least_gap(self, q: Reals) -> float:
         self._at(q)
-        if self._least is None:
-            self._least = self._least_gap(self._seen)
-        return self._least
+        return float(self._least[0])
 
     def seen(self, q: Reals) -> Seen:
         """The contacts at q (n_q,) within `margin`."""
         self._at(q)
-        return self._seen
+        return seen_in(self.contacts.finder.contacts)
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
         """Gap and geoms of each contact that overlaps."""
-        self._at(q)
-        seen = self._seen
+        seen = self.seen(q)
         return [
             (float(gap), int(a), int(b))
             for gap, (a, b), row in zip(seen.dist, seen.geom, seen.address, strict=True)
@@ -175,16 +270,16 @@ class Space:
         ]
 
     def violations(self, q: Reals) -> list[tuple[float, int, int]]:
-        """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
+        """How far equalities are open and travel limits are passed (see `limited.violations`)."""
         self._at(q)
-        return self.limited.violations(self.data)
+        return violations(self.limited, self.data)
 
     def closed(self, q: Reals) -> Reals:
         """The place (n_q,) next to q at which equalities hold and no limit is passed, by Gauss-Newton steps;
         where there is none, near what comes nearest."""
         for _ in range(CLOSINGS):
             self._at(q)
-            rows, by = self.limited.open(self.data)
+            rows, by = passed_rows(self.limited, self.data)
             if not np.abs(by).max(initial=0.0) > SHUT * self.size.length:
                 break
             q = self.integrate(q, np.asarray(-np.linalg.lstsq(rows, by, rcond=None)[0], float), 1.0)
@@ -200,7 +295,7 @@ class Space:
     def frames(self, q: Reals) -> Reals:
         """Where bodies are at q (n_q,): their origins, and row by row the matrices of their axes (b, 12)."""
         d = self.data
-        if self._q is None or q.tobytes() != self._q.tobytes():
+        if not (self._current[0] and np.array_equal(q, d.qpos)):
             d = self._framed = self._framed or self._mujoco.MjData(self.model)
             d.qpos[:] = q
             self._mujoco.mj_kinematics(self.model, d)
@@ -227,39 +322,22 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, self._vectors, v, self._lengths)
+        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self._lengths)
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
-        deep = max(-self.least_gap(q), 0.0)
-        if not self.passing.may_pass(self._seen, v, h, deep):
-            return False
-        begin, span, start = 0.0, 1.0, frames(self.data)
-        for _ in range(LOOKS):
-            end = min(1.0, begin + span)
-            self.data.qpos[:] = after = self.integrate(q, v, h * end)
-            self._mujoco.mj_kinematics(self.model, self.data)
-            self._q, stop = np.full(len(q), np.nan), frames(self.data)
-            clear = self.passing.is_clear(self._seen, v, h * (end - begin), deep, start, stop)
-            if clear and end == 1.0:
-                return False
-            if clear:
-                self._at(after)
-                begin, start = end, stop
-            span *= 2.0 if clear else 0.5
-        return True
+        found = self._passes(self.mechanism, q, v, h)
+        while self.makes_room():
+            found = self._passes(self.mechanism, q, v, h)
+        return bool(found)
 
     def energy(self, q: Reals, v: Reals) -> float:
-        momentum = np.zeros(self.model.nv)
-        self.put_momentum(q, v, momentum)
-        self._mujoco.mj_energyPos(self.model, self.data)
-        with np.errstate(over="ignore", invalid="ignore"):
-            energy = float(self.data.energy[0] + 0.5 * v @ momentum)
-        return math.inf if math.isnan(energy) else energy  # of what has run away it is inf
+        self._at(q)
+        return float(self._energy(self.mechanism, v))
 
     def put_momentum(self, q: Reals, v: Reals, momentum: Reals) -> None:
         """Fill momentum (n,) with M v at q."""
         self._at(q)
-        self._mujoco.mj_mulM(self.model, self.data, momentum, v)
+        put_momentum(self.mechanism, v, momentum)
 
     def geoms(self, slots: Ints) -> Ints:
         """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
@@ -273,68 +351,218 @@ class Space:
         return np.where(slots < self.most, self.laws.law[geoms[:, 0], geoms[:, 1]], 0)
 
     def accept(self) -> None:
-        self.kept, self.found = self.found, self.kept
+        self.mechanism, self._turned = self._turned, self.mechanism
+        self._features = self._features[1], self._features[0]
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
-        d = self.data
-        if reach > self.margin or FALLEN * reach < self.margin > self._near:
-            self.look_within(max(AHEAD * reach, self._near))
-        self._at(moment.q)
-        self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
-        self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
-        count = self._fill_contacts(
-            self._seen, self.solids, self.kept, self.found, reach, self.room, terms, self._slots, self._fresh
-        )
+        count = self._fill(self.mechanism, moment, terms, reach, self._slots, self._fresh)
+        while self.makes_room():
+            count = self._fill(self.mechanism, moment, terms, reach, self._slots, self._fresh)
         if count < 0:
-            self.look_within(self._near)
-            raise Crowded(
-                f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
-                f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
-                " simpler geoms"
-            )
-        known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
-        self._fresh[known:count] = 0
+            raise self.crowded(reach)
         return self._slots[:count], self._fresh[:count]
+
+    def crowded(self, reach: float) -> Crowded:
+        """What says that there is no room for all contacts within reach."""
+        return Crowded(
+            f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
+            f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
+            " simpler geoms"
+        )
+
+    def know_unit_masses(self) -> None:
+        """Let terms have the metric, too, which rungs without inertia need."""
+        if self._unit is None:
+            self._unit = unit_masses(self.model)
+            self.loads = with_unit_masses(self.loads, *self._unit)
+            self._make_mechanism()
 
     def forget(self) -> None:
         """Know no contact, look for contacts as near as at first, and begin with the activations of the
         start."""
         self.activation[:] = self.begun
         self.expect(0.0)
-        self.kept, self.found = allocate_features(self.most), allocate_features(self.most)
-        self.look_within(self._near)
+        for features in self._features:
+            features.geoms[:], features.used[0] = FREE, 0
+            features.place[:] = features.along[:] = features.world[:] = 0.0
+        self.look_within(float(self._near[0]))
 
     def expect(self, h: float) -> None:
         """Let actuators act as they do at the end of a step of length h."""
         drives = self.drives
-        self.acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
+        acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
+        self.loads.actuators.acting[:] = acting
 
     def took(self, h: float) -> None:
         """Let activations go on by a step of length h that was taken."""
         self.activation[:] = self.drives.activated(self.activation, self.control, h)
 
+    @property
+    def margin(self) -> float:
+        """The distance within which contacts are looked for."""
+        return float(self._margin[0])
+
     def look_within(self, margin: float) -> None:
         """Look for contacts within a distance from now on."""
-        m, self.margin = self.model, margin
-        if m.njnt:
-            m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
-        m.tendon_margin[:] = margin
-        self._q = None
+        look_within(self.mechanism, margin)
 
     def _at(self, q: Reals) -> None:
-        """Make MuJoCo's data those of q."""
-        if self._q is None or (q is not self._q and q.tobytes() != self._q.tobytes()):
-            m, d = self.model, self.data
-            d.qpos[:] = q
-            self._mujoco.mj_kinematics(m, d)
-            self._mujoco.mj_comPos(m, d)
-            self._mujoco.mj_tendon(m, d)
-            self._mujoco.mj_makeM(m, d)
-            self._mujoco.mj_factorM(m, d)
-            self._mujoco.mj_makeConstraint(m, d)
-            self._mujoco.mj_transmission(m, d)
-            self._seen, self._least = self.contacts.within(self.margin), None
-        self._q = q
+        """Make MuJoCo's data, and contacts, those of q."""
+        while not self._put_at(self.mechanism, q):
+            self.makes_room()
+
+    def makes_room(self) -> bool:
+        """Whether the finder had no room for all contacts; then there is room for twice as many."""
+        if not self._short[0]:
+            return False
+        self._short[0] = 0
+        self.contacts.give_room()
+        self._make_mechanism()
+        return True
+
+
+@kernel
+def look_within(m: Mechanism, margin: float) -> None:
+    """See `Space.look_within`."""
+    m.margin[0], m.current[0] = margin, 0
+    for j in range(len(m.joint_margin)):
+        m.joint_margin[j] = margin / m.joint_lever[j]
+    for t in range(len(m.tendon_margin)):
+        m.tendon_margin[t] = margin
+
+
+@kernel
+def put_at(m: Mechanism, q: Reals) -> bool:
+    """Make MuJoCo's data, and contacts, those of q (n_q,); False where there is no room for these."""
+    same = m.current[0] != 0
+    for i in range(len(q)):
+        same &= m.q[i] == q[i]
+    if same:
+        return True
+    model, data = m.address[MODEL], m.address[DATA]
+    copy(q, m.q)
+    mj_kinematics(model, data)
+    mj_comPos(model, data)
+    mj_tendon(model, data)
+    mj_makeM(model, data)
+    mj_factorM(model, data)
+    mj_makeConstraint(model, data)
+    mj_transmission(model, data)
+    m.current[0] = look(m.margin[0], m.finder)
+    m.short[0] = 1 - m.current[0]
+    m.least[0] = least_gap(m.finder.contacts)
+    return bool(m.current[0] != 0)
+
+
+@kernel
+def fill_terms(m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: Ints, fresh: Ints) -> int:
+    """Fill terms, and the slots of contacts and whether each is new; returns how many there are, or a number
+    below 0 where there is no room for all."""
+    margin, near = m.margin[0], m.near[0]
+    if reach > margin or FALLEN * reach < margin > near:
+        look_within(m, max(AHEAD * reach, near))
+    if not put_at(m, moment.q):
+        return -1
+    fill_loads(m.loads, moment, terms)
+    fill_limited(m.limited, m.loads.actuators, not moment.metric, terms)
+    known = fill_contacts(m.finder.contacts, m.solids, m.kept, m.found, reach, m.room[0], terms, slots, fresh)
+    if known < 0:
+        look_within(m, near)
+        return -1
+    count = fill_limits(m.limited, reach, known, terms, slots)
+    for k in range(known, count):
+        fresh[k] = 0
+    return count
+
+
+@kernel
+def put_momentum(m: Mechanism, v: Reals, momentum: Reals) -> None:
+    """Fill momentum (n,) with M v, where the data are."""
+    mj_mulM(m.address[MODEL], m.address[DATA], momentum.ctypes.data, v.ctypes.data)
+
+
+@kernel
+def energy_of(m: Mechanism, v: Reals) -> float:
+    """The energy at velocities v (n,), where the data are; inf of what has run away."""
+    put_momentum(m, v, m.momentum)
+    mj_energyPos(m.address[MODEL], m.address[DATA])
+    energy = m.energy[0]
+    for i in range(len(v)):
+        energy += 0.5 * v[i] * m.momentum[i]
+    return math.inf if math.isnan(energy) else float(energy)
+
+
+@contract.fill.given_by(Mechanism)
+@kernel
+def fill_for_step(
+    m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: Ints, fresh: Ints, driving: Reals
+) -> int:
+    count = fill_terms(m, moment, terms, reach, slots, fresh)
+    copy(m.loads.actuators.driving, driving)
+    return count
+
+
+@contract.integrate.given_by(Mechanism)
+@kernel
+def integrate(m: Mechanism, q: Reals, v: Reals, h: float, after: Reals) -> None:
+    copy(q, after)
+    mj_integratePos(m.address[MODEL], after.ctypes.data, v.ctypes.data, h)
+
+
+@contract.least_gap.given_by(Mechanism)
+@kernel
+def least_gap_at(m: Mechanism, q: Reals) -> float:
+    put_at(m, q)
+    return float(m.least[0])
+
+
+@contract.fastest.given_by(Mechanism)
+@kernel
+def fastest_at(m: Mechanism, _q: Reals, v: Reals) -> float:
+    return 2.0 * fastest_point(m.reaches, m.vectors, v, m.lengths)
+
+
+@contract.tell_laws.given_by(Mechanism)
+@kernel
+def tell_no_laws(_m: Mechanism, _trial: Any, _at_start: bool) -> None:
+    """A model whose contacts have further laws is stepped in plain Python."""
+
+
+@contract.passes.given_by(Mechanism)
+@kernel
+def may_go_through(m: Mechanism, q: Reals, v: Reals, h: float) -> bool:
+    """Whether v may lead anything through another within h of q (n_q,), where the data are."""
+    model, data, contacts, shapes = m.address[MODEL], m.address[DATA], m.finder.contacts, m.finder.shapes
+    if not put_at(m, q):
+        return True
+    deep = max(-m.least[0], 0.0)
+    if not may_pass(contacts, shapes, m.rates, v, h, deep):
+        return False
+    first, span = 0.0, 1.0
+    _take_frames(m, m.begun)
+    for _ in range(LOOKS):
+        end = min(1.0, first + span)
+        integrate(m, q, v, h * end, m.after)
+        copy(m.after, m.q)
+        m.current[0] = 0
+        mj_kinematics(model, data)
+        _take_frames(m, m.ended)
+        clear = is_clear(contacts, shapes, m.rates, v, h * (end - first), deep, m.begun, m.ended)
+        if clear and end == 1.0:
+            return False
+        if clear:
+            if not put_at(m, m.after):
+                return True
+            first = end
+            _take_frames(m, m.begun)
+        span *= 2.0 if clear else 0.5
+    return True
+
+
+@inner_kernel
+def _take_frames(m: Mechanism, frames: Frames) -> None:
+    copy(m.finder.geom_place, frames.place)
+    copy(m.finder.geom_axes, frames.axes)
 
 
 def directions(model: mujoco.MjModel) -> int:
