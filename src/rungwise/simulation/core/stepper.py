@@ -21,7 +21,7 @@ from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.balance import keep_near, pushes_far
+from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, Leap, culprit
 from rungwise.simulation.core.fall import Fall
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
@@ -106,6 +106,7 @@ class Stepper:
     _allowed: float = field(init=False, default=0.0)
     _fall: Fall = field(init=False)
     _told: float = field(init=False, default=math.nan)
+    _asked: Reals = field(init=False)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -128,6 +129,7 @@ class Stepper:
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
         self._keep_near, self._pushes_far = steady(keep_near), steady(pushes_far)
+        self._asked, self._ask_speeds = np.zeros(n), steady(ask_speeds)
         self._fall = Fall(self.system, self.rung, self._further is not None and self._further.pulls)
         self._solve, self._take, self._take_slots = steady(solve_step), steady(accept), steady(take_slots)
         self.clock["limited"] = size.limited
@@ -248,13 +250,15 @@ class Stepper:
 
         What nothing holds where the step begins would come to rest against whatever lies in its way, however
         far. So the contacts that are closed, or that driven motion closes in the step, have to balance the
-        loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing.
-        One that does not leads out of balance: it settles, because loads or drives have jumped, or goes on
-        (`snaps_on`).
+        loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing,
+        unless drives lead it: their speed bounds it. One that does not leads out of balance: it settles,
+        because loads or drives have jumped, or goes on (`snaps_on`).
         """
         size, state, scratch, v = self.system.size, self.state, self.scratch, self.scratch.v_new.copy()
         driven = h * self.system.fastest(self.q, state.speed)
         near = NEAR * size.length
+        self._ask_speeds(self._tried(h), self._asked)
+        led = h * self.system.fastest(self.q, self._asked)
         lone = bool(self._pushes_far(self._tried(h), near))
         if lone:
             self.contacts = int(self._keep_near(self._tried(h), near))
@@ -266,11 +270,12 @@ class Stepper:
         if far:
             shorter = self._again(SHORTER * h)
             moved = SHORTER * h * self.system.fastest(self.q, scratch.v_new)
-            if shorter == SUPPORTED and moved < 0.5 * way:
+            vanishes = shorter == SUPPORTED and moved < 0.5 * way
+            if vanishes and way > DRIVEN * led:
                 self.outran = self.outran or Leap(self.time, h, 0.5 * way, v)
                 self._cause = FAR
                 return UNSOLVED, v
-            self._leaping = 0.5 * way
+            self._leaping = 0.0 if vanishes else 0.5 * way
         if far or lone:
             self._again(h)
         return SUPPORTED, v
