@@ -1,16 +1,18 @@
 """Bodies in space that have to rest, on every rung with forces, at many lengths of steps and errors allowed.
 
-    python benchmarks/rests.py [--kinds pinch,across,lies,falls,leans] [--every 1] [--processes 2]
+    python benchmarks/rests.py [--kinds pinch,across,...] [--every 1] [--processes 2]
 
 Prints one line per run that is wrong, and for each kind how many runs there were, how many ended otherwise
-than by time, how many moved, and how many took more than twice their nominal steps. `--every` takes every
+than by time, how many moved, and how many took more than their nominal steps by a fifth. `--every` takes every
 k-th run only. The runs are those of
 
 - pinch: a part between two pads that servos press, four kinds of pads and nine of parts;
 - across: a body that overhangs what it lies on;
 - lies: a shape at rest on a height field, level and gently sloped;
 - falls: a shape let fall onto one, which has to be at rest a second later;
-- leans: a box and a capsule with torsion let fall beside each other, at many poses.
+- leans: a box and a capsule with torsion let fall beside each other, at many poses;
+- reaches: an arm led through free air beside a cube at rest;
+- lifts: a gripper that closes on a part, lifts it and carries it away.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ STEPS = (1e-4, 3e-4, 1e-3, 2e-3, 3e-3, 5e-3, 1e-2)
 TOLS = (None, 1e-5)
 MOVED = 2e-4
 """Motion that counts (m, and of quaternions): contacts of compliant rungs yield by less."""
-SLOW = 2.0
+SLOW = 1.2
 """Steps over nominal ones that count as many."""
 LIMIT = 60.0
 """Seconds for one run."""
@@ -214,7 +216,78 @@ def leans() -> Iterator[Case]:
             yield Case("leans", f"{number}", model, rung, step, tol, 1.0, still=False, fields={"rolls": True})
 
 
-KINDS = {"pinch": pinch, "across": across, "lies": lies, "falls": falls, "leans": leans}
+def reaches() -> Iterator[Case]:
+    """An arm of three joints that servos or speeds lead through free air, beside a cube on a table."""
+    links = ((2.0, 0.03, "0 0 0 .3 0 .2", "0 0 .3", "0 0 1"), (1.0, 0.025, "0 0 0 .3 0 0", ".3 0 .2", "0 1 0"),
+             (0.5, 0.02, "0 0 0 .15 0 -.1", ".3 0 0", "0 1 0"))  # fmt: skip
+    arm = "".join(
+        f'<body name="l{k}" pos="{at}"><joint name="j{k}" axis="{axis}"/><geom type="capsule" size="{thick}"'
+        f' fromto="{ends}" mass="{mass}" contype="{2 ** (k + 1)}" conaffinity="1"/>'
+        for k, (mass, thick, ends, at, axis) in enumerate(links)
+    ) + "</body>" * len(links)
+    drives = {
+        "servos": '<position joint="j{k}" name="a{k}" kp="4000" kv="150"/>',
+        "weak servos": '<position joint="j{k}" name="a{k}" kp="500" kv="12" forcerange="-87 87"/>',
+        "speeds": '<velocity joint="j{k}" name="a{k}" kv="500"/>',
+    }
+    table = '<geom type="box" size=".5 .5 .02" pos=".6 0 -.02"/>'
+    speeds = (1.0, 0.2, -0.5)
+    for (name, drive), half in product(drives.items(), (0.0, 0.002, 0.005, 0.01, 0.025)):
+        cube = (
+            f'<body name="cube" pos=".6 .3 {half}"><freejoint/><geom type="box" size="{half} {half} {half}"'
+            ' density="1000" friction=".7"/></body>'
+            if half
+            else ""
+        )
+        motors = "".join(drive.format(k=k) for k in range(len(links)))
+        told = {f"a{k}": v if name == "speeds" else f"{v} * t" for k, v in enumerate(speeds)}
+        model = f"<worldbody>{table}{cube}{arm}</worldbody><actuator>{motors}</actuator>"
+        for rung, step in product(FORCES, (1e-3, 2e-3, 5e-3, 1e-2)):
+            yield Case(
+                "reaches", f"{name} cube {half}", model, rung, step, None, 0.3, still=False,
+                fields={"controls": told, "rolls": True},
+            )  # fmt: skip
+
+
+def lifts() -> Iterator[Case]:
+    """A gripper on a carriage closes on a part that lies on a table, lifts it and carries it away."""
+    table = '<geom type="box" size=".5 .5 .02" pos="0 0 -.02"/>'
+    for half, force, kind in product((0.005, 0.015), (20.0, 87.0), ("box", "cylinder")):
+        sizes = f"{half} {half} {half}" if kind == "box" else f"{half} {half}"
+        cube = (
+            f'<body name="cube" pos="0 0 {half}"><freejoint/><geom type="{kind}" size="{sizes}" density="800"'
+            ' friction=".8"/></body>'
+        )
+        jaws = "".join(
+            f'<body name="{name}" pos="{-sign * (half + 0.01)} 0 0"><joint name="{name}" type="slide"'
+            f' axis="{sign} 0 0"/><geom type="box" size=".004 .01 .02" mass=".05" friction=".8"/></body>'
+            for name, sign in (("l", 1), ("r", -1))
+        )
+        hand = (
+            f'<body name="hand" pos="0 0 {max(half, 0.021) + 1e-3}"><joint name="z" type="slide" axis="0 0 1"/>'
+            f'<joint name="x" type="slide" axis="1 0 0"/>'
+            f'<geom type="box" size=".02 .02 .01" pos="0 0 .06" mass=".5"/>{jaws}</body>'
+        )
+        servos = "".join(
+            f'<position name="a{name}" joint="{name}" kp="2000" kv="{kv}" forcerange="{-force} {force}"/>'
+            for name, kv in (("l", 20), ("r", 20), ("z", 150), ("x", 150))
+        )
+        model = f"<worldbody>{table}{cube}{hand}</worldbody><actuator>{servos}</actuator>"
+        told = {
+            "al": "min(0.04 * t, 0.01)", "ar": "min(0.04 * t, 0.01)",
+            "az": "min(max(0.0, 0.2 * (t - 0.4)), 0.1)", "ax": "max(0.0, 0.3 * (t - 0.8))",
+        }  # fmt: skip
+        for rung, step in product(FORCES, (1e-3, 2e-3, 5e-3)):
+            yield Case(
+                "lifts", f"{kind} {half} by {force:g} N", model, rung, step, None, 1.2, still=False,
+                fields={"controls": told, "rolls": True},
+            )  # fmt: skip
+
+
+KINDS = {
+    "pinch": pinch, "across": across, "lies": lies, "falls": falls, "leans": leans, "reaches": reaches,
+    "lifts": lifts,
+}  # fmt: skip
 
 
 def wrong(case: Case) -> tuple[Case, str, str, float]:

@@ -66,6 +66,10 @@ class Loads:
         if moment.inertia == 0.0:
             self._fill_metric(data.qpos, terms)
         self._fill_loads(data, moment, acting, terms)
+        self.fall(data, pace, free, terms)
+
+    def fall(self, data: mujoco.MjData, pace: Reals, free: bool, terms: Terms) -> None:
+        """Fill in the accelerations without contacts, for speeds (n,), nan where free; `free`: everywhere."""
         if free:
             self._mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
         else:

@@ -33,6 +33,7 @@ from rungwise.system.spatial.passing import Passing, frames
 from rungwise.system.spatial.patch.contacts import Contacts
 from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
+from rungwise.system.spatial.rotors import Rotors
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -124,6 +125,7 @@ class Space:
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.most = 2 * self.room
         self.loads = Loads(m, self.drives)
+        self._rotors = Rotors(m, self.loads.joined) if self.loads.any_joined else None
         self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
         slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
         limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
@@ -282,6 +284,8 @@ class Space:
         self._at(moment.q)
         self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
         self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
+        if self._rotors is not None and moment.inertia > 0.0:
+            self._turn(self._rotors, moment, terms)
         count = self._fill_contacts(
             self._seen, self.solids, self.kept, self.found, reach, self.room, terms, self._slots, self._fresh
         )
@@ -295,6 +299,11 @@ class Space:
         known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
         self._fresh[known:count] = 0
         return self._slots[:count], self._fresh[:count]
+
+    def _turn(self, rotors: Rotors, moment: Moment, terms: Terms) -> None:
+        """Let inertial forces of joined bodies be those of a step's middle."""
+        if rotors.fill(self.data, moment, self.pace, terms, self.loads.taken):
+            self.loads.fall(self.data, self.pace, self._all_free, terms)
 
     def forget(self) -> None:
         """Know no contact, look for contacts as near as at first, and begin with the activations of the
