@@ -23,7 +23,7 @@ from rungwise.system.terms import Terms
 if TYPE_CHECKING:
     import mujoco
 
-_REPEATS, _SETTLED = 12, 1e-8
+_REPEATS, _SETTLED = 12, 1e-6
 """Repetitions at most, beyond which linear equations are solved, and the change of v', over v, that ends
 them."""
 
