@@ -95,7 +95,9 @@ def pinch() -> Iterator[Case]:
         model = f"{mesh}<worldbody>{jaws}{held}</worldbody><actuator>{servos}</actuator>"
         for rung, step, tol in product(FORCES, STEPS, TOLS):
             fields = {"controls": {"al": 0.003, "ar": 0.003}}
-            yield Case("pinch", f"{part} in {pad}s", model, rung, step, tol, max(0.05, 20 * step), fields=fields)
+            yield Case(
+                "pinch", f"{part} in {pad}s", model, rung, step, tol, max(0.05, 20 * step), fields=fields
+            )
 
 
 def across() -> Iterator[Case]:
@@ -321,7 +323,9 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args()
-    cases = [case for kind in chosen.kinds.split(",") for case in islice(KINDS[kind](), 0, None, chosen.every)]
+    cases = [
+        case for kind in chosen.kinds.split(",") for case in islice(KINDS[kind](), 0, None, chosen.every)
+    ]
     counts: dict[str, Counter[str]] = {}
     with get_context("spawn").Pool(chosen.processes) as pool:
         for case, word, figures, took in pool.imap(wrong, cases, chunksize=8):

@@ -126,8 +126,8 @@ def test_a_step_keeps_the_momentum_of_what_turns_by_a_third_of_a_radian() -> Non
     """To rounding: the body turns by the speed that it has at the end of the step."""
     I, h, w = np.diag(INERTIA), 0.1, np.array([1.0, -2.0, 1.5])
     own = Spins(
-        np.zeros(1, np.int64), np.zeros(1, np.int64), np.ones(1), np.zeros((1, 3)), I[None],
-        np.linalg.inv(I)[None],
+        body=np.zeros(1, np.int64), first=np.zeros(1, np.int64), mass=np.ones(1), centre=np.zeros((1, 3)),
+        inertia=I[None], inverse=np.linalg.inv(I)[None],
     )  # fmt: skip
     for times in (0.5, 1.2):
         load, speed = np.zeros(6), times * w

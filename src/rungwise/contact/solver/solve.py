@@ -56,17 +56,26 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 
 
 @kernel
+def residual_at_rest(g: Groups, x: Reals, v: Reals, room: Room) -> float:
+    """The residual of the forces x (rows,) with all things at rest; velocities v (n,) are zero afterwards
+    where that is no more than `NOTHING`, and as they were elsewhere."""
+    copy(v, room.first_v)
+    _clear(v)
+    found = measure(g, x, v, room)
+    if not found <= NOTHING:
+        copy(room.first_v, v)
+    return float(found)
+
+
+@kernel
 def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) -> float:
-    """Solve from forces x (rows,) and velocities v (n,), into these; returns the least residual met, earlier
-    when halt (1,) is set. count (4,): Newton steps, proximal problems, starts before the last; and Newton
-    steps at most."""
+    """Solve, where not all things rest, from forces x (rows,) and velocities v (n,), into these; returns the
+    least residual met, earlier when halt (1,) is set. An answer within the tolerance is the last that is
+    measured. count (4,): Newton steps, proximal problems, starts before the last; and Newton steps at
+    most."""
     copy(x, room.first_x)
     copy(v, room.first_v)
     room.least[0] = math.inf
-    _clear(v)
-    found = measure(g, x, v, room)
-    if found <= NOTHING:
-        return float(found)
     for start in range(STARTS):
         if room.least[0] <= TOLERANCE or _ends(halt, count):
             break
@@ -93,6 +102,7 @@ def solve(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints) ->
         if found <= max(room.least[0], ENOUGH):
             return float(found)
         copy(room.best_v, v)
+        measure(g, x, v, room)
     return float(room.least[0])
 
 

@@ -19,8 +19,8 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
-from rungwise.contact.solver.solve import BY_ITERATE, measure, set_pace, solve
+from rungwise.contact.solver.settings import NEWTON_STEPS, NOTHING, WIDE
+from rungwise.contact.solver.solve import BY_ITERATE, measure, residual_at_rest, set_pace, solve
 from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
@@ -54,42 +54,22 @@ def solve_groups(
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
     if apart > 1:
         own_reals, own_integers = np.empty(len(reals)), np.empty(len(integers), np.int64)
+    rows = d * sizes.contacts
     for which in range(apart):
         if apart > 1:
             part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
-        rows = d * sizes.contacts
-        if part.n < WIDE:
+        found = _rest(own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows)
+        if not found <= NOTHING and part.n < WIDE:
             found = _solve_few(
-                own_reals,
-                own_integers,
-                part,
-                numbers,
-                scratch,
-                room,
-                order,
-                unknowns,
-                sizes,
-                rows,
-                halt,
+                own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows, halt,
                 count,
-            )
-        else:
+            )  # fmt: skip
+        elif not found <= NOTHING:
             blocks = plan_blocks(own_integers, part)
             found = _solve_part(
-                own_reals,
-                own_integers,
-                part,
-                numbers,
-                scratch,
-                room,
-                order,
-                blocks,
-                unknowns,
-                sizes,
-                rows,
-                halt,
-                count,
-            )
+                own_reals, own_integers, part, numbers, scratch, room, order, blocks, unknowns, sizes, rows,
+                halt, count,
+            )  # fmt: skip
         worst = max(worst, found)
         if not worst <= TOLERANCE:
             break
@@ -163,20 +143,28 @@ def _begin(
 
 
 @kernel
+def _rest(
+    reals: Reals, integers: Ints, part: Counts, numbers: Reals, scratch: Ints, room: Reals, order: Ints,
+    unknowns: Unknowns, sizes: Sizes, rows: int,
+) -> float:  # fmt: skip
+    """Count an island in units, with the problem's unknowns; returns its residual at rest, by the forces
+    given, which are its answer where that is no more than `NOTHING`."""
+    g = groups_in(reals, integers, part, numbers)
+    here = room_in(room, order, part, no_blocks(integers, reals))
+    own = scratch[len(scratch) - 2 * sizes.n :]
+    count_in_units(g)
+    _take(g, own, unknowns, rows, here.x, here.v)
+    found = residual_at_rest(g, here.x, here.v, here)
+    if found <= NOTHING:
+        _give(g, own, sizes, rows, here.x, here.v, here, unknowns)
+    return found
+
+
+@kernel
 def _solve_few(
-    reals: Reals,
-    integers: Ints,
-    part: Counts,
-    numbers: Reals,
-    scratch: Ints,
-    room: Reals,
-    order: Ints,
-    unknowns: Unknowns,
-    sizes: Sizes,
-    rows: int,
-    halt: Ints,
-    count: Ints,
-) -> float:
+    reals: Reals, integers: Ints, part: Counts, numbers: Reals, scratch: Ints, room: Reals, order: Ints,
+    unknowns: Unknowns, sizes: Sizes, rows: int, halt: Ints, count: Ints,
+) -> float:  # fmt: skip
     """As `_solve_part`, where the matrix is dense."""
     blocks = no_blocks(integers, reals)
     return float(
@@ -188,27 +176,14 @@ def _solve_few(
 
 @kernel
 def _solve_part(
-    reals: Reals,
-    integers: Ints,
-    part: Counts,
-    numbers: Reals,
-    scratch: Ints,
-    room: Reals,
-    order: Ints,
-    blocks: Factors,
-    unknowns: Unknowns,
-    sizes: Sizes,
-    rows: int,
-    halt: Ints,
-    count: Ints,
-) -> float:
-    """Solve an island from the problem's unknowns into these; returns the residual."""
+    reals: Reals, integers: Ints, part: Counts, numbers: Reals, scratch: Ints, room: Reals, order: Ints,
+    blocks: Factors, unknowns: Unknowns, sizes: Sizes, rows: int, halt: Ints, count: Ints,
+) -> float:  # fmt: skip
+    """Solve an island that does not rest, counted in units, from its unknowns into the problem's; returns
+    the residual."""
     g, here = groups_in(reals, integers, part, numbers), room_in(room, order, part, blocks)
-    own = scratch[len(scratch) - 2 * sizes.n :]
-    count_in_units(g)
-    _take(g, own, unknowns, rows, here.x, here.v)
     found = solve(g, here.x, here.v, here, halt, count)
-    _give(g, own, sizes, rows, here.x, here.v, here, unknowns)
+    _give(g, scratch[len(scratch) - 2 * sizes.n :], sizes, rows, here.x, here.v, here, unknowns)
     return found
 
 
@@ -227,8 +202,7 @@ def _take(g: Groups, own: Ints, unknowns: Unknowns, rows: int, x: Reals, v: Real
 def _give(
     g: Groups, own: Ints, sizes: Sizes, rows: int, x: Reals, v: Reals, room: Room, unknowns: Unknowns
 ) -> None:
-    """Write forces, velocities and modes as the problem counts them."""
-    measure(g, x, v, room)
+    """Write forces, velocities and modes, as the problem counts them, of an answer that was measured last."""
     set_pace(g, BY_ITERATE, room)
     evaluate(g, 0.0, 0.0, x, v, x, v, room)
     for r in range(len(x)):

@@ -72,10 +72,27 @@ class Solids(Block):
     turn: Reals
 
 
+class ContactSet(Block):
+    """Contacts, `count` (1,) of them: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom
+    (c, 2), address (c,) of the first of its rows, -1 if nothing moves it. A row has entries (r,) many, from
+    first (r,) on: J (e,), in the columns column (e,), which are the same for all rows of a contact."""
+
+    count: Ints
+    dist: Reals
+    pos: Reals
+    frame: Reals
+    friction: Reals
+    dim: Ints
+    geom: Ints
+    address: Ints
+    first: Ints
+    entries: Ints
+    column: Ints
+    J: Reals
+
+
 class Seen(NamedTuple):
-    """Contacts: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom (c, 2), address (c,) of
-    the first of its rows, -1 if nothing moves it. A row has entries (r,) many, from first (r,) on: J (e,), in
-    the columns column (e,), which are the same for all rows of a contact."""
+    """A set of contacts, its arrays as long as there are contacts."""
 
     dist: Reals
     pos: Reals
@@ -90,6 +107,15 @@ class Seen(NamedTuple):
     J: Reals
 
 
+def seen_in(contacts: ContactSet) -> Seen:
+    """The contacts of a set that there are."""
+    w, c = contacts, slice(int(contacts.count[0]))
+    return Seen(
+        w.dist[c], w.pos[c], w.frame[c], w.friction[c], w.dim[c], w.geom[c], w.address[c],
+        w.first, w.entries, w.column, w.J,
+    )  # fmt: skip
+
+
 def dense(seen: Seen, c: int, width: int, n: int) -> Reals:
     """The first rows (width, n) of a contact; 0 where it has fewer."""
     rows, first = np.zeros((width, n)), int(seen.address[c])
@@ -101,7 +127,7 @@ def dense(seen: Seen, c: int, width: int, n: int) -> Reals:
 
 @kernel
 def fill_contacts(
-    seen: Seen,
+    seen: ContactSet,
     solids: Solids,
     kept: Features,
     found: Features,
@@ -120,7 +146,7 @@ def fill_contacts(
     for s in range(found.used[0]):
         found.geoms[s, 0] = FREE
     found.used[0] = 0
-    for c in range(seen.dist.shape[0]):
+    for c in range(seen.count[0]):
         if seen.address[c] < 0 or not seen.dist[c] <= reach:
             continue
         if not _is_free(c, seen, solids.free):
@@ -139,10 +165,10 @@ def fill_contacts(
 
 
 @kernel
-def least_gap(seen: Seen) -> float:
+def least_gap(seen: ContactSet) -> float:
     """The smallest gap of contacts that have rows; inf where there is none."""
     least = math.inf
-    for c in range(seen.dist.shape[0]):
+    for c in range(seen.count[0]):
         if seen.address[c] >= 0:
             least = min(least, seen.dist[c])
     return least
@@ -162,7 +188,7 @@ def _moved(geom: Ints, solids: Solids, n: int) -> Spans:
 
 
 @kernel
-def _is_free(c: int, seen: Seen, free: Ints) -> bool:
+def _is_free(c: int, seen: ContactSet, free: Ints) -> bool:
     begin, found = seen.first[seen.address[c]], False
     for e in range(begin, begin + seen.entries[seen.address[c]]):
         found |= seen.J[e] != 0.0 and free[seen.column[e]] == 1
@@ -170,7 +196,7 @@ def _is_free(c: int, seen: Seen, free: Ints) -> bool:
 
 
 @kernel
-def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features) -> int:
+def _slot_of(c: int, seen: ContactSet, solids: Solids, kept: Features, found: Features) -> int:
     """The slot of the nearest feature of the same geoms that no other contact has taken, or a free one."""
     a, b = seen.geom[c, 0], seen.geom[c, 1]
     best, empty = FREE, FREE
@@ -194,7 +220,7 @@ def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features
 
 
 @kernel
-def _apart(c: int, side: int, s: int, seen: Seen, solids: Solids, kept: Features) -> float:
+def _apart(c: int, side: int, s: int, seen: ContactSet, solids: Solids, kept: Features) -> float:
     """Distance of contact c from feature s on the body of one of its geoms."""
     b, total = solids.body[seen.geom[c, side]], 0.0
     for i in range(3):
@@ -210,7 +236,7 @@ def _fill_rows(
     c: int,
     k: int,
     slot: int,
-    seen: Seen,
+    seen: ContactSet,
     solids: Solids,
     kept: Features,
     found: Features,
@@ -252,7 +278,7 @@ def _fill_rows(
 
 
 @inner_kernel
-def _turn_rows(c: int, k: int, along: float, across: float, seen: Seen, d: int, terms: Terms) -> None:
+def _turn_rows(c: int, k: int, along: float, across: float, seen: ContactSet, d: int, terms: Terms) -> None:
     """Fill the rows of contact k with those that are seen, with tangents turned."""
     J, first, begin = seen.J, seen.address[c], seen.first[seen.address[c]]
     for e in range(seen.entries[first]):
@@ -268,7 +294,7 @@ def _turn_rows(c: int, k: int, along: float, across: float, seen: Seen, d: int, 
 
 
 @inner_kernel
-def _clear_blunt(c: int, k: int, seen: Seen, d: int, terms: Terms) -> None:
+def _clear_blunt(c: int, k: int, seen: ContactSet, d: int, terms: Terms) -> None:
     """Let directions of contact k be zero along which nothing moves, up to errors of its normal: forces along
     them would be of any size, and motions without inertia run away."""
     begin = seen.first[seen.address[c]]
@@ -286,7 +312,7 @@ def _clear_blunt(c: int, k: int, seen: Seen, d: int, terms: Terms) -> None:
 
 @kernel
 def _tell_skew(
-    c: int, k: int, along: float, across: float, seen: Seen, solids: Solids, d: int, terms: Terms
+    c: int, k: int, along: float, across: float, seen: ContactSet, solids: Solids, d: int, terms: Terms
 ) -> None:
     """Let rows of slip be those in which friction that differs along its two tangents is a disc."""
     slide, other, _, _, _ = _frictions(c, seen, solids)
@@ -309,7 +335,7 @@ def _between(one: float, two: float, along: float, across: float) -> tuple[float
 
 
 @inner_kernel
-def _mix(c: int, r: int, by: tuple[float, float, float], seen: Seen, terms: Terms) -> None:
+def _mix(c: int, r: int, by: tuple[float, float, float], seen: ContactSet, terms: Terms) -> None:
     """Multiply two rows, from r on, by a symmetric matrix."""
     begin = seen.first[seen.address[c]]
     for e in range(begin, begin + seen.entries[seen.address[c]]):
@@ -320,7 +346,7 @@ def _mix(c: int, r: int, by: tuple[float, float, float], seen: Seen, terms: Term
 
 @kernel
 def _weigh(
-    c: int, k: int, along: float, across: float, seen: Seen, solids: Solids, d: int, terms: Terms
+    c: int, k: int, along: float, across: float, seen: ContactSet, solids: Solids, d: int, terms: Terms
 ) -> None:
     """Scale the rows of a contact that resists turning, so that one friction bounds all of its forces."""
     slide, other, twist, roll, beside = _frictions(c, seen, solids)
@@ -352,7 +378,7 @@ def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features
 
 
 @kernel
-def _frictions(c: int, seen: Seen, solids: Solids) -> tuple[float, float, float, float, float]:
+def _frictions(c: int, seen: ContactSet, solids: Solids) -> tuple[float, float, float, float, float]:
     """Friction of a contact as MuJoCo has it: sliding along two tangents, torsional, and rolling about these.
     That of its law, alike along both, and in place of what it does not give the model's, which changes as
     sliding friction does."""
@@ -376,7 +402,7 @@ def _unit(slide: float, other: float, twist: float, roll: float, beside: float) 
 
 @kernel
 def _fill_law(
-    c: int, k: int, slot: int, seen: Seen, solids: Solids, found: Features, d: int, terms: Terms
+    c: int, k: int, slot: int, seen: ContactSet, solids: Solids, found: Features, d: int, terms: Terms
 ) -> None:
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     terms.gap[k], terms.lever[k] = seen.dist[c], 1.0

@@ -2,151 +2,348 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, steady
+from rungwise.block import Block
+from rungwise.contact.linear import factorise, substitute
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.mujoco_model import of_unit_mass
-from rungwise.system.moving import Moment, fall_freely
-from rungwise.system.spatial.drives import Drives, fill_moments
-from rungwise.system.spatial.spins import spins, turn_freely
+from rungwise.system.moving import Moment
+from rungwise.system.spatial.drives import Drives
+from rungwise.system.spatial.native import (
+    DATA,
+    MODEL,
+    Ints32,
+    mj_comPos,
+    mj_comVel,
+    mj_kinematics,
+    mj_makeM,
+    mj_passive,
+    mj_rne,
+    mj_solveM,
+)
+from rungwise.system.spatial.spins import Spins, spins, turn_freely
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
     import mujoco
 
 
-class Loads:
-    """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
-    rows of actuators afterwards, driving (n,) their part of the load, and taken (n,) the inertial forces and
-    the weight that were taken off it. `joined` (n,): the velocities of bodies that do not turn freely;
-    `weighs` (b,): the masses of these bodies; `falls` (n,): accelerations of free bodies by weight, 0 where
-    more than weight and contacts may act."""
+class Rows(Block):
+    """Rows (r,) in MuJoCo's memory: how many entries each has, the first of them, and their columns. Of a
+    symmetric matrix they are the lower half."""
 
-    def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
-        import mujoco
+    many: Ints32
+    first: Ints32
+    column: Ints32
+    value: Reals
 
-        self._mujoco = mujoco
-        m = self.model = model
-        self.drives = drives
-        self.moment = np.zeros((m.nu, m.nv))
-        self.driving = np.zeros(m.nv)
-        self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
-        self._row = np.zeros(m.nv)
-        self._filled: Terms | None = None
-        self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
-        # Earlier versions of MuJoCo know no damping of actuators.
-        self._drag = np.array(getattr(m, "actuator_damping", np.zeros(m.nu)))
-        self._spins, self._turn_freely = spins(m), steady(turn_freely)
-        self.joined, self.taken = np.ones(m.nv, np.int64), np.zeros(m.nv)
-        self.joined[(self._spins.first[:, None] + np.arange(6)).ravel()] = 0
-        self.any_joined = bool(self.joined.any())
-        self.weighs = np.where(np.isin(m.body_rootid, self._spins.body), 0.0, m.body_mass)
-        parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
-        self._stretches = _stretches(m, bool(self._drag.any()))
-        self._springs = any(bool(part.any()) for part in parts)
-        self.falls = np.zeros(m.nv) if self._springs or m.nu else self._weights()
 
-    def _weights(self) -> Reals:
-        """See `falls`."""
-        m, found = self.model, np.zeros(self.model.nv)
-        weightless = m.opt.disableflags & self._mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        for first in [] if weightless else self._spins.first.tolist():
-            if not m.dof_damping[first : first + 3].any():
-                found[first : first + 3] = m.opt.gravity
-        return found
+class Joints(Block):
+    """Springs and dampers: of joints damping and stiffness (n,); damping of actuators (a,); of tendons
+    damping and stiffness (t,), lengths in MuJoCo's memory, and between which they are slack (t, 2);
+    `any` (3,): whether there are springs or dampers that change with the place, such of actuators, and such
+    of tendons; `filled` (1,): the terms in which they were filled last."""
 
-    def fill(
-        self, data: mujoco.MjData, moment: Moment, acting: Reals, pace: Reals, free: bool, terms: Terms
-    ) -> None:
-        """Fill terms at the data's places, for what actuators act by (a,) and speeds (n,), nan where free;
-        `free`: everywhere."""
-        self._mujoco.mj_fullM(self.model, data, terms.inertia)
-        if moment.inertia == 0.0:
-            self._fill_metric(data.qpos, terms)
-        self._fill_loads(data, moment, acting, terms)
-        self.fall(data, pace, free, terms)
+    damping: Reals
+    stiffness: Reals
+    drag: Reals
+    tendon_damping: Reals
+    tendon_stiffness: Reals
+    tendon_length: Reals
+    slack: Reals
+    any: Ints
+    filled: Ints
 
-    def fall(self, data: mujoco.MjData, pace: Reals, free: bool, terms: Terms) -> None:
-        """Fill in the accelerations without contacts, for speeds (n,), nan where free; `free`: everywhere."""
-        if free:
-            self._mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
-        else:
-            fall_freely(terms, pace)
 
-    def _fill_metric(self, q: Reals, terms: Terms) -> None:
-        """M of the same bodies with mass 1 each."""
-        if self._unit is None:
-            model = of_unit_mass(self.model)
-            self._unit = model, self._mujoco.MjData(model)
-            self._mujoco.mj_setConst(*self._unit)  # it keeps M of bodies whose M is constant
-        model, data = self._unit
-        data.qpos[:] = q
-        self._mujoco.mj_kinematics(model, data)
-        self._mujoco.mj_comPos(model, data)
-        self._mujoco.mj_makeM(model, data)
-        self._mujoco.mj_fullM(model, data, terms.metric)
+class Actuators(Block):
+    """acting (a,): what actuators act by; gain, bias, middle and limit (a,) of their force (see `Drives`),
+    and whether each is a servo; rows that MuJoCo has, and as a matrix, moment (a, n); driving (n,): the part
+    of the load that they are."""
 
-    def _fill_loads(self, d: mujoco.MjData, moment: Moment, acting: Reals, terms: Terms) -> None:
-        m, eps, load = self.model, float(moment.inertia), terms.load
-        d.qvel[:] = moment.v if eps > 0.0 else 0.0
-        self._mujoco.mj_comVel(m, d)
-        self._mujoco.mj_rne(m, d, 0, self.taken)
-        if 0.0 < eps < 1.0:
-            d.qvel[:] = 0.0
-            self._mujoco.mj_comVel(m, d)
-            self._mujoco.mj_rne(m, d, 0, self._row)
-            self.taken *= eps
-            self.taken += (1.0 - eps) * self._row
-        np.subtract(0.0, self.taken, out=load)
-        if eps > 0.0 and len(self._spins.first):
-            self._turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
-        if self._springs:
-            self._mujoco.mj_passive(m, d)
-            load += d.qfrc_spring + d.qfrc_gravcomp
-        if m.nu:
-            fill_moments(d, self.moment)
-            self.driving = self.drives.load(acting, self.moment)
-            load += self.driving
-        if terms is not self._filled or self._springs:
-            self._fill_yielding(d, terms)
-            terms.entries.matrices[:] = self._stretches[: len(terms.entries.matrices)]
-            self._filled = terms
+    acting: Reals
+    gain: Reals
+    bias: Reals
+    middle: Reals
+    limit: Reals
+    servo: Ints
+    rows: Rows
+    moment: Reals
+    driving: Reals
 
-    def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:
-        """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
-        m = self.model
-        terms.damping[:] = self._damping
-        if self._drag.any():
-            terms.damping[:] += (self.moment.T * self._drag) @ self.moment
-        terms.stiffness[:] = self._stiffness
-        if m.ntendon and (m.tendon_damping.any() or m.tendon_stiffness.any()):
-            rows = tendon_rows(m, d)
-            low, high = m.tendon_lengthspring.T
-            pulls = (d.ten_length < low) | (d.ten_length > high)
-            terms.damping[:] += (rows.T * m.tendon_damping) @ rows
-            terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
+
+class Loads(Block):
+    """What fills M, metric, loads, springs and dampers of a model.
+
+    address (2,) of the model and its data, and `unit` (2,) of those of the same bodies with mass 1 each, 0 if
+    nothing asked for these; q and unit_q (n_q,), v (n,), axes of bodies (b, 9), forces of springs and of
+    compensated weight (n,), M, and, of unit masses, metric, in MuJoCo's memory; tendons: rows of tendons.
+
+    taken (n,): inertial forces and weight that were taken off the load; falls (n,): accelerations of free
+    bodies by weight, 0 where more than weight and contacts may act; joined (n,): the velocities of bodies
+    that do not turn freely; weighs (b,): the masses of these bodies; stretch (n, 2): the velocities that
+    inertia, springs and dampers couple with each; free (n,): whether a velocity is not prescribed. row (n,),
+    tendon (t, n), matrix (n, n) and order (n,) are scratch.
+    """
+
+    address: Ints
+    unit: Ints
+    q: Reals
+    unit_q: Reals
+    v: Reals
+    axes: Reals
+    spring: Reals
+    weight: Reals
+    inertia: Rows
+    metric: Rows
+    spins: Spins
+    joints: Joints
+    actuators: Actuators
+    tendons: Rows
+    taken: Reals
+    falls: Reals
+    joined: Ints
+    weighs: Reals
+    stretch: Ints
+    free: Ints
+    row: Reals
+    tendon: Reals
+    matrix: Reals
+    order: Ints
+
+
+SPRINGS, DRAGS, TENDONS = range(3)
+"""Places in `Joints.any`."""
+
+
+def loads(model: mujoco.MjModel, data: mujoco.MjData, drives: Drives, pace: Reals) -> Loads:
+    """What fills the loads of a model at speeds (n,), nan where a velocity is free; without unit masses."""
+    m, n = model, model.nv
+    drag = np.array(m.actuator_damping)
+    parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, drag)
+    springs = any(bool(part.any()) for part in parts)
+    tied = bool(m.tendon_damping.any() or m.tendon_stiffness.any())
+    joints = Joints(
+        damping=np.array(m.dof_damping), stiffness=np.array(m.jnt_stiffness[m.dof_jntid]), drag=drag,
+        tendon_damping=np.array(m.tendon_damping), tendon_stiffness=np.array(m.tendon_stiffness),
+        tendon_length=data.ten_length, slack=np.array(m.tendon_lengthspring),
+        any=np.array([springs, drag.any(), tied], np.int64), filled=np.zeros(1, np.int64),
+    )  # fmt: skip
+    servo = np.zeros(m.nu, np.int64)
+    servo[drives.servos] = 1
+    actuators = Actuators(
+        acting=np.zeros(m.nu), gain=np.array(m.actuator_gainprm[:, 0]), bias=np.array(drives.bias),
+        middle=np.array(drives.middle), limit=np.array(drives.limit), servo=servo,
+        rows=Rows(
+            many=data.moment_rownnz, first=data.moment_rowadr, column=data.moment_colind,
+            value=data.actuator_moment,
+        ),
+        moment=np.zeros((m.nu, n)), driving=np.zeros(n),
+    )  # fmt: skip
+    own, joined = spins(m), np.ones(n, np.int64)
+    joined[(own.first[:, None] + np.arange(6)).ravel()] = 0
+    free = np.isnan(pace)
+    side = 0 if free.all() else n
+    return Loads(
+        address=np.array([model._address, data._address]), unit=np.zeros(2, np.int64), q=data.qpos,
+        unit_q=data.qpos, v=data.qvel, axes=data.xmat, spring=data.qfrc_spring, weight=data.qfrc_gravcomp,
+        inertia=_inertia(m, data), metric=_inertia(m, data), spins=own, joints=joints, actuators=actuators,
+        tendons=Rows(
+            many=m.ten_J_rownnz, first=m.ten_J_rowadr, column=m.ten_J_colind, value=data.ten_J.reshape(-1)
+        ),
+        taken=np.zeros(n), falls=np.zeros(n) if springs or m.nu else np.where(free, _weights(m, own), 0.0),
+        joined=joined, weighs=np.where(np.isin(m.body_rootid, own.body), 0.0, m.body_mass),
+        stretch=_stretches(m, bool(drag.any())), free=free.astype(np.int64), row=np.zeros(n),
+        tendon=np.zeros((m.ntendon, n)), matrix=np.zeros((side, side)), order=np.zeros(side, np.int64),
+    )  # fmt: skip
+
+
+def with_unit_masses(loads: Loads, unit: mujoco.MjModel, data: mujoco.MjData) -> Loads:
+    """The same that knows M of these, which `unit_masses` made."""
+    known = {name: getattr(loads, name) for name in inspect.get_annotations(Loads)}
+    own = {
+        "unit": np.array([unit._address, data._address]),
+        "unit_q": data.qpos,
+        "metric": _inertia(unit, data),
+    }
+    return Loads(**(known | own))
+
+
+def unit_masses(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The same bodies with mass 1 each, and their data."""
+    import mujoco
+
+    unit = of_unit_mass(model)
+    data = mujoco.MjData(unit)
+    mujoco.mj_setConst(unit, data)  # it keeps M of bodies whose M is constant
+    return unit, data
+
+
+def _inertia(model: mujoco.MjModel, data: mujoco.MjData) -> Rows:
+    return Rows(many=model.M_rownnz, first=model.M_rowadr, column=model.M_colind, value=data.M)
+
+
+def _weights(model: mujoco.MjModel, own: Spins) -> Reals:
+    """Accelerations (n,) by weight of free bodies that nothing damps."""
+    import mujoco
+
+    found = np.zeros(model.nv)
+    weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    for first in [] if weightless else own.first.tolist():
+        if not model.dof_damping[first : first + 3].any():
+            found[first : first + 3] = model.opt.gravity
+    return found
 
 
 def _stretches(m: mujoco.MjModel, drags: bool) -> Ints:
     """The stretch (n, 2) of the velocities that inertia, springs and dampers couple with each: those of its
     mechanism, or all where tendons, or dampers of actuators, may couple mechanisms."""
-    ties = m.tendon_stiffness, m.tendon_damping, getattr(m, "tendon_armature", m.tendon_damping)
-    if drags or any(tie.any() for tie in ties):
+    if drags or any(tie.any() for tie in (m.tendon_stiffness, m.tendon_damping, m.tendon_armature)):
         return np.tile(np.array([0, m.nv]), (m.nv, 1))
     first = m.tree_dofadr[m.dof_treeid]
     return np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
 
 
-def tendon_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Reals:
-    """What each velocity does to the length of each tendon (t, n_v)."""
-    import mujoco
+@kernel
+def fill_loads(of: Loads, moment: Moment, terms: Terms) -> None:
+    """Fill terms at the place of the model's data."""
+    eps = moment.inertia
+    fill_symmetric(of.inertia, terms.inertia)
+    if eps == 0.0 and of.unit[MODEL] != 0:
+        copy(moment.q, of.unit_q)
+        mj_kinematics(of.unit[MODEL], of.unit[DATA])
+        mj_comPos(of.unit[MODEL], of.unit[DATA])
+        mj_makeM(of.unit[MODEL], of.unit[DATA])
+        fill_symmetric(of.metric, terms.metric)
+    _take_inertial(of, moment.v, eps)
+    for i in range(len(of.taken)):
+        terms.load[i] = 0.0 - of.taken[i]
+    if eps > 0.0 and len(of.spins.first) > 0:
+        turn_freely(of.spins, of.axes, moment.v, moment.h, eps, terms.load)
+    if of.joints.any[SPRINGS]:
+        mj_passive(of.address[MODEL], of.address[DATA])
+        for i in range(len(of.taken)):
+            terms.load[i] += of.spring[i] + of.weight[i]
+    if len(of.actuators.acting) > 0:
+        _drive(of.actuators, terms.load)
+    if of.joints.any[SPRINGS] or of.joints.filled[0] != terms.damping.ctypes.data:
+        _fill_yielding(of, terms)
+        for i in range(terms.entries.matrices.shape[0]):
+            terms.entries.matrices[i, 0], terms.entries.matrices[i, 1] = of.stretch[i, 0], of.stretch[i, 1]
+        of.joints.filled[0] = terms.damping.ctypes.data
+    fill_fall(of, terms)
 
-    rows = np.zeros((model.ntendon, model.nv))
-    if data.ten_J.shape == rows.shape:
-        return np.array(data.ten_J)
-    mujoco.mju_sparse2dense(
-        rows, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    )
-    return rows
+
+@kernel
+def fill_fall(of: Loads, terms: Terms) -> None:
+    """Fill in the accelerations without contacts."""
+    if len(of.order) == 0:
+        mj_solveM(of.address[MODEL], of.address[DATA], terms.fall.ctypes.data, terms.load.ctypes.data, 1)
+    else:
+        _fall_of_free(of, terms)
+
+
+@kernel
+def _take_inertial(of: Loads, v: Reals, eps: float) -> None:
+    """Fill the inertial forces at v, times eps, and the weight."""
+    model, data = of.address[MODEL], of.address[DATA]
+    for i in range(len(v)):
+        of.v[i] = v[i] if eps > 0.0 else 0.0
+    mj_comVel(model, data)
+    mj_rne(model, data, 0, of.taken.ctypes.data)
+    if 0.0 < eps < 1.0:
+        for i in range(len(v)):
+            of.v[i] = 0.0
+        mj_comVel(model, data)
+        mj_rne(model, data, 0, of.row.ctypes.data)
+        for i in range(len(v)):
+            of.taken[i] = eps * of.taken[i] + (1.0 - eps) * of.row[i]
+
+
+@kernel
+def _drive(a: Actuators, load: Reals) -> None:
+    """Add what actuators do: forces, within their ranges, and the middles of servos."""
+    n = len(load)
+    for i in range(n):
+        a.driving[i] = 0.0
+    for k in range(len(a.acting)):
+        fill_row(a.rows, k, a.moment[k])
+        force = a.middle[k]
+        if a.servo[k] == 0:
+            own = a.gain[k] * a.acting[k] + a.bias[k] - a.middle[k]
+            force += min(max(own, -a.limit[k]), a.limit[k])
+        for i in range(n):
+            a.driving[i] += force * a.moment[k, i]
+    for i in range(n):
+        load[i] += a.driving[i]
+
+
+@kernel
+def fill_row(rows: Rows, r: int, row: Reals) -> None:
+    """Write a row of MuJoCo's into one (n,)."""
+    for i in range(len(row)):
+        row[i] = 0.0
+    for e in range(rows.first[r], rows.first[r] + rows.many[r]):
+        row[rows.column[e]] = rows.value[e]
+
+
+@kernel
+def fill_symmetric(rows: Rows, matrix: Reals) -> None:
+    """Write the entries of a symmetric matrix (n, n), which has no others."""
+    for i in range(len(rows.many)):
+        for e in range(rows.first[i], rows.first[i] + rows.many[i]):
+            j = rows.column[e]
+            matrix[i, j] = matrix[j, i] = rows.value[e]
+
+
+@kernel
+def _fill_yielding(of: Loads, terms: Terms) -> None:
+    """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
+    joints, n = of.joints, len(of.taken)
+    for i in range(n):
+        for j in range(n):
+            terms.damping[i, j] = terms.stiffness[i, j] = 0.0
+        terms.damping[i, i], terms.stiffness[i, i] = joints.damping[i], joints.stiffness[i]
+    for k in range(len(joints.drag) if joints.any[DRAGS] else 0):
+        _add_product(joints.drag[k], of.actuators.moment[k], terms.damping)
+    for k in range(len(joints.tendon_length) if joints.any[TENDONS] else 0):
+        row, length = of.tendon[k], joints.tendon_length[k]
+        fill_row(of.tendons, k, row)
+        _add_product(joints.tendon_damping[k], row, terms.damping)
+        if length < joints.slack[k, 0] or length > joints.slack[k, 1]:
+            _add_product(joints.tendon_stiffness[k], row, terms.stiffness)
+
+
+@kernel
+def _add_product(part: float, row: Reals, matrix: Reals) -> None:
+    """Add a part of the product of a row (n,) with itself."""
+    for i in range(len(row)):
+        if part * row[i] != 0.0:
+            for j in range(len(row)):
+                matrix[i, j] += part * row[i] * row[j]
+
+
+@kernel
+def _fall_of_free(of: Loads, terms: Terms) -> None:
+    """Fill in accelerations without contacts where some velocities are prescribed."""
+    count, n = 0, len(terms.load)
+    for i in range(n):
+        terms.fall[i] = 0.0
+        if of.free[i] == 1:
+            at = 0
+            for j in range(n):
+                if of.free[j] == 1:
+                    of.matrix[count, at] = terms.inertia[i, j]
+                    at += 1
+            of.row[count] = terms.load[i]
+            count += 1
+    if count > 0 and factorise(of.matrix, count, of.order):
+        substitute(of.matrix, count, of.order, of.row)
+    count = 0
+    for i in range(n):
+        if of.free[i] == 1:
+            terms.fall[i] = of.row[count]
+            count += 1

@@ -11,13 +11,14 @@ Impulse-based dynamic simulation, 1996) with axes instead of distances, as in th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.block import Block
 from rungwise.kernel import Reals, kernel
 from rungwise.system.moving import SLIP
-from rungwise.system.spatial.features import Seen
+from rungwise.system.spatial.features import ContactSet
 from rungwise.system.spatial.patch.shapes import (
     CAPSULE,
     CYLINDER,
@@ -26,15 +27,13 @@ from rungwise.system.spatial.patch.shapes import (
     Frames,
     Shapes,
     separation,
-    shapes,
-    thinnest,
 )
 
 if TYPE_CHECKING:
     import mujoco
 
 
-class Rates(NamedTuple):
+class Rates(Block):
     """What velocities do to each body at every state, per unit of each velocity: speed (b, n), a bound of the
     speed of its points; turn (b, n), of its rate of turning; swing (b, n), of speeds that turn with it."""
 
@@ -64,16 +63,16 @@ def rates(model: mujoco.MjModel, speed: Reals) -> Rates:
         turning = slice(at, at + (1 if kind == kinds.mjJNT_HINGE else 3))
         turn[moved, turning] = 1.0
         swing[:, turning] = speed[:, turning]
-    return Rates(speed, turn, swing)
+    return Rates(speed=speed, turn=turn, swing=swing)
 
 
 @kernel
-def may_pass(seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float) -> bool:
+def may_pass(seen: ContactSet, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float) -> bool:
     """Whether any geoms whose contacts are `seen` may be farther inside each other than is allowed on a way
     that takes the time `part`, for all that their speeds say: by `SLIP` of their widths, and where things
     overlapped by `deep` before the step by as much again, up to as much as is allowed anyhow."""
     c, near = 0, False
-    while c < seen.dist.shape[0] and not near:
+    while c < seen.count[0] and not near:
         first, c = c, _end_of_pair(c, seen)
         near = _is_near(first, c, seen, shapes, rates, v, part, deep)
     return near
@@ -81,11 +80,18 @@ def may_pass(seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, de
 
 @kernel
 def is_clear(
-    seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float, begin: Frames, end: Frames
+    seen: ContactSet,
+    shapes: Shapes,
+    rates: Rates,
+    v: Reals,
+    part: float,
+    deep: float,
+    begin: Frames,
+    end: Frames,
 ) -> bool:
     """Whether none may be, for where they are at the end of the way as well."""
     c, clear = 0, True
-    while c < seen.dist.shape[0] and clear:
+    while c < seen.count[0] and clear:
         first, c = c, _end_of_pair(c, seen)
         if _is_near(first, c, seen, shapes, rates, v, part, deep):
             clear = _keeps_apart(first, c, seen, shapes, rates, v, part, deep, begin, end)
@@ -93,11 +99,11 @@ def is_clear(
 
 
 @kernel
-def _end_of_pair(first: int, seen: Seen) -> int:
+def _end_of_pair(first: int, seen: ContactSet) -> int:
     """The contact after the last one of the geoms of a contact."""
     c = first
     while (
-        c < seen.dist.shape[0]
+        c < seen.count[0]
         and seen.geom[c, 0] == seen.geom[first, 0]
         and seen.geom[c, 1] == seen.geom[first, 1]
     ):
@@ -107,7 +113,7 @@ def _end_of_pair(first: int, seen: Seen) -> int:
 
 @kernel
 def _is_near(
-    first: int, end: int, seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float
+    first: int, end: int, seen: ContactSet, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float
 ) -> bool:
     a, b, gap = seen.geom[first, 0], seen.geom[first, 1], math.inf
     for c in range(first, end):
@@ -126,7 +132,7 @@ def _allowed(a: int, b: int, deep: float, shapes: Shapes) -> float:
 def _keeps_apart(
     first: int,
     last: int,
-    seen: Seen,
+    seen: ContactSet,
     shapes: Shapes,
     rates: Rates,
     v: Reals,
@@ -145,7 +151,7 @@ def _keeps_apart(
 
 @kernel
 def _least_distance(
-    c: int, seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, begin: Frames, end: Frames
+    c: int, seen: ContactSet, shapes: Shapes, rates: Rates, v: Reals, part: float, begin: Frames, end: Frames
 ) -> float:
     """Lower bound of the distance of two geoms on a part of the way, negative where they overlap: along the
     normal of contact c at its begin, at rest or carried with one of them."""
@@ -212,25 +218,3 @@ def _radius(g: int, shapes: Shapes) -> float:
     if kind in (CAPSULE, CYLINDER):
         return float(size[0] + size[1])
     return float(size[0] + size[1] + size[2])
-
-
-class Passing:
-    """Ways of the geoms of a model between two places; `thin` is the least sum of widths of two."""
-
-    def __init__(self, model: mujoco.MjModel, speed: Reals) -> None:
-        self.shapes = shapes(model)
-        self.rates = rates(model, speed)
-        self.thin = thinnest(model, self.shapes)
-
-    def may_pass(self, seen: Seen, v: Reals, h: float, deep: float) -> bool:
-        """Whether velocities v may lead geoms through each other within h from where they are seen."""
-        return may_pass(seen, self.shapes, self.rates, v, h, deep)
-
-    def is_clear(self, seen: Seen, v: Reals, h: float, deep: float, begin: Frames, end: Frames) -> bool:
-        """Whether they do not, from where geoms are seen at the begin to the end."""
-        return is_clear(seen, self.shapes, self.rates, v, h, deep, begin, end)
-
-
-def frames(data: mujoco.MjData) -> Frames:
-    """Where the geoms of data are."""
-    return Frames(data.geom_xpos.copy(), data.geom_xmat.copy())

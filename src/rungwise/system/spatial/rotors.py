@@ -15,120 +15,126 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.block import Block
 from rungwise.contact.linear import factorise, substitute
-from rungwise.kernel import Ints, Reals, kernel, steady
+from rungwise.kernel import Ints, Reals, copy, kernel, rare_kernel
 from rungwise.system.moving import Moment
+from rungwise.system.spatial.loads import Loads, fill_fall
+from rungwise.system.spatial.native import DATA, MODEL, mj_comVel, mj_rne
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
     import mujoco
 
-_REPEATS, _SETTLED = 12, 1e-6
+_REPEATS, _SETTLED = 12, 1e-8
 """Repetitions at most, beyond which linear equations are solved, and the change of v', over v, that ends
 them."""
 
 
-class Rotors:
-    """What adds these forces to the terms of a model whose velocities are `joined` (n,) if they are not those
-    of free bodies."""
+class Rotors(Block):
+    """Joined bodies. trees (t, 2): the first and the number of the velocities of each mechanism of these;
+    matrix (t, k, k), order (t, k) and given (n,): the equations for the change of velocities in a step;
+    speed, change, last, force, forward, backward and row (n,): see `turn_joined`."""
 
-    def __init__(self, model: mujoco.MjModel, joined: Ints) -> None:
-        import mujoco
+    trees: Ints
+    matrix: Reals
+    order: Ints
+    given: Reals
+    speed: Reals
+    change: Reals
+    last: Reals
+    force: Reals
+    forward: Reals
+    backward: Reals
+    row: Reals
 
-        self._mujoco, self._model, self._joined = mujoco, model, joined
-        n, trees = model.nv, np.stack([model.tree_dofadr, model.tree_dofnum], axis=1).astype(np.int64)
-        self._trees = trees[joined[trees[:, 0]] == 1]
-        side = int(self._trees[:, 1].max(initial=0))
-        self._matrix, self._order = np.zeros((len(self._trees), side, side)), np.zeros((len(trees), side), int)
-        self._given, self._still = np.zeros(n), np.zeros(n)
-        self._forward, self._backward, self._row = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._old, self._change, self._before = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._prepare, self._solve = steady(prepare), steady(solve)
 
-    def fill(self, data: mujoco.MjData, moment: Moment, pace: Reals, terms: Terms, taken: Reals) -> bool:
-        """Take eps B(v, v' - v) off the load, and add it to `taken` (n,), of terms that are filled but for
-        it; `pace` (n,): speeds, nan where free. False where nothing joined moves."""
-        old, change, eps = self._old, self._change, float(moment.inertia)
-        np.multiply(moment.v, self._joined, out=old)
-        if not old.any():
-            return False
-        self._prepare(self._trees, moment.h, eps, old, pace, terms, self._matrix, self._given, self._order)
-        self._solve_for(self._still, pace, change)
-        size, last = float(np.abs(old).max()), math.inf
-        for _ in range(_REPEATS):
-            force, self._before[:] = eps * self._turned(data, old, change), change
-            self._solve_for(force, pace, change)
-            moved = float(np.abs(change - self._before).max())
-            if moved <= _SETTLED * size:
-                break
-            if not moved < 0.5 * last:
-                self._prepare(
-                    self._trees, moment.h, eps, old, pace, terms, self._matrix, self._given, self._order[:0]
-                )
-                force = self._turned_directly(data, old, eps, pace)
-                break
-            last = moved
-        if not np.isfinite(force).all():
-            return False
-        terms.load[:] -= force
-        taken += force
-        return True
-
-    def _solve_for(self, force: Reals, pace: Reals, change: Reals) -> None:
-        self._solve(self._trees, self._matrix, self._order, self._given, force, pace, self._row, change)
-
-    def _turned(self, d: mujoco.MjData, v: Reals, w: Reals) -> Reals:
-        """B(v, w): as B is of second degree in speeds, a quarter of its difference at v + w and v - w."""
-        self._inertial(d, v + w, self._forward)
-        self._inertial(d, v - w, self._backward)
-        return np.asarray(0.25 * (self._forward - self._backward))
-
-    def _inertial(self, d: mujoco.MjData, v: Reals, force: Reals) -> None:
-        d.qvel[:] = v
-        self._mujoco.mj_comVel(self._model, d)
-        self._mujoco.mj_rne(self._model, d, 0, force)
-
-    def _turned_directly(self, d: mujoco.MjData, v: Reals, eps: float, pace: Reals) -> Reals:
-        """eps B(v, v' - v) by the linear equations for v' - v."""
-        n, unit, size = len(v), np.zeros(len(v)), float(np.abs(v).max())
-        turns, whole = np.zeros((n, n)), np.eye(n)
-        for i in np.flatnonzero(self._joined):
-            unit[i] = size
-            turns[:, i] = eps * self._turned(d, v, unit) / size
-            unit[i] = 0.0
-        for (first, count), matrix in zip(self._trees.tolist(), self._matrix, strict=True):
-            whole[first : first + count, first : first + count] = matrix[:count, :count]
-        free = np.isnan(pace)
-        whole[free] += turns[free]
-        return np.asarray(turns @ np.linalg.solve(whole, self._given), float)
+def rotors(model: mujoco.MjModel, joined: Ints) -> Rotors:
+    """Those of a model whose velocities are `joined` (n,) if they are not those of free bodies."""
+    trees = np.stack([model.tree_dofadr, model.tree_dofnum], axis=1).astype(np.int64)
+    own = np.ascontiguousarray(trees[joined[trees[:, 0]] == 1])
+    side, n = int(own[:, 1].max(initial=0)), model.nv
+    names = ("given", "speed", "change", "last", "force", "forward", "backward", "row")
+    return Rotors(
+        trees=own, matrix=np.zeros((len(own), side, side)), order=np.zeros((len(own), side), np.int64),
+        **{name: np.zeros(n) for name in names},
+    )  # fmt: skip
 
 
 @kernel
-def prepare(
-    trees: Ints, h: float, eps: float, v: Reals, pace: Reals, terms: Terms, matrix: Reals, given: Reals,
-    order: Ints,
-) -> None:  # fmt: skip
-    """Fill in the equations for the change w of velocities v (n,) in a step of length h: matrix (t, k, k), a
-    block for each of the trees (t, 2), and given (n,). Where `order` (t, k) is not empty, blocks become their
-    factors (see `factorise`). Servos are taken as within their limits where they are so at v."""
-    given[:] = 0.0
-    for t in range(trees.shape[0]):
-        first, count, a = trees[t, 0], trees[t, 1], matrix[t]
+def turn_joined(of: Rotors, loads: Loads, moment: Moment, terms: Terms) -> None:
+    """Take eps B(v, v' - v) off the load of terms that are filled but for it."""
+    size, eps, last = 0.0, moment.inertia, math.inf
+    for i in range(len(of.speed)):
+        of.speed[i] = moment.v[i] if loads.joined[i] else 0.0
+        of.force[i] = 0.0
+        size = max(size, abs(of.speed[i]))
+    if not 0.0 < size < math.inf:
+        return
+    _prepare(of, loads, moment, terms, True)
+    _solve(of, loads)
+    for repeat in range(_REPEATS + 1):
+        copy(of.change, of.last)
+        _turn(of, loads, of.change, eps)
+        copy(of.row, of.force)
+        _solve(of, loads)
+        moved = 0.0
+        for i in range(len(of.change)):
+            moved = max(moved, abs(of.change[i] - of.last[i]))
+        if moved <= _SETTLED * size:
+            break
+        if repeat == _REPEATS or not moved < 0.5 * last:
+            _solve_directly(of, loads, moment, terms, size)
+            break
+        last = moved
+    for i in range(len(of.force)):
+        terms.load[i] -= of.force[i]
+        loads.taken[i] += of.force[i]
+    fill_fall(loads, terms)
+
+
+@kernel
+def _turn(of: Rotors, loads: Loads, change: Reals, eps: float) -> None:
+    """Fill row (n,) with eps B(v, w): as B is of second degree in speeds, a quarter of its difference at v +
+    w and v - w."""
+    for i in range(len(change)):
+        loads.v[i] = of.speed[i] + change[i]
+    _put_inertial(loads, of.forward)
+    for i in range(len(change)):
+        loads.v[i] = of.speed[i] - change[i]
+    _put_inertial(loads, of.backward)
+    for i in range(len(change)):
+        of.row[i] = 0.25 * eps * (of.forward[i] - of.backward[i])
+
+
+@kernel
+def _put_inertial(loads: Loads, force: Reals) -> None:
+    mj_comVel(loads.address[MODEL], loads.address[DATA])
+    mj_rne(loads.address[MODEL], loads.address[DATA], 0, force.ctypes.data)
+
+
+@kernel
+def _prepare(of: Rotors, loads: Loads, moment: Moment, terms: Terms, factors: bool) -> None:
+    """Fill in the equations, or with `factors` those of their matrix. Servos are taken as within their limits
+    where they are so at v, and prescribed speeds as steady."""
+    h, v = moment.h, of.speed
+    for t in range(of.trees.shape[0]):
+        first, count, a = of.trees[t, 0], of.trees[t, 1], of.matrix[t]
         for i in range(count):
             at, total = first + i, terms.load[first + i]
             for j in range(count):
                 held = h * terms.stiffness[at, first + j] + terms.damping[at, first + j]
                 total -= held * v[first + j]
-                a[i, j] = eps / h * terms.inertia[at, first + j] + held
-            given[at] = total
+                a[i, j] = moment.inertia / h * terms.inertia[at, first + j] + held
+            of.given[at] = total
         for r in range(terms.limit.shape[0]):
-            _enter_servo(terms, r, h, v, first, count, a, given)
+            _enter_servo(terms, r, h, v, first, count, a, of.given)
         for i in range(count):
-            if not math.isnan(pace[first + i]):
+            if loads.free[first + i] == 0:
                 a[i, :] = 0.0
-                a[i, i], given[first + i] = 1.0, pace[first + i] - v[first + i]
-        if order.shape[0] > 0:
-            factorise(a, count, order[t])
+                a[i, i], of.given[first + i] = 1.0, 0.0
+        if factors:
+            factorise(a, count, of.order[t])
 
 
 @kernel
@@ -151,16 +157,35 @@ def _enter_servo(
 
 
 @kernel
-def solve(
-    trees: Ints, factors: Reals, order: Ints, given: Reals, force: Reals, pace: Reals, row: Reals, change: Reals
-) -> None:
-    """Fill change (n,) with the solution of these equations where forces (n,) act against it; row (n,) is
-    scratch."""
-    change[:] = 0.0
-    for t in range(trees.shape[0]):
-        first, count = trees[t, 0], trees[t, 1]
+def _solve(of: Rotors, loads: Loads) -> None:
+    """Fill the change of velocities where `force` acts against it."""
+    for t in range(of.trees.shape[0]):
+        first, count = of.trees[t, 0], of.trees[t, 1]
         for i in range(count):
-            row[i] = given[first + i] - (force[first + i] if math.isnan(pace[first + i]) else 0.0)
-        substitute(factors[t], count, order[t], row)
+            own = of.given[first + i]
+            of.row[i] = own - of.force[first + i] if loads.free[first + i] else own
+        substitute(of.matrix[t], count, of.order[t], of.row)
         for i in range(count):
-            change[first + i] = row[i]
+            of.change[first + i] = of.row[i]
+
+
+@rare_kernel
+def _solve_directly(of: Rotors, loads: Loads, moment: Moment, terms: Terms, size: float) -> None:
+    """The force with the change that the linear equations have as their solution."""
+    _prepare(of, loads, moment, terms, False)
+    for i in range(len(of.last)):
+        of.last[i] = of.force[i] = 0.0
+    for t in range(of.trees.shape[0]):
+        first, count = of.trees[t, 0], of.trees[t, 1]
+        for j in range(count):
+            of.last[first + j] = size
+            _turn(of, loads, of.last, moment.inertia / size)
+            of.last[first + j] = 0.0
+            for i in range(count):
+                if loads.free[first + i]:
+                    of.matrix[t, i, j] += of.row[first + i]
+        if not factorise(of.matrix[t], count, of.order[t]):
+            return
+    _solve(of, loads)
+    _turn(of, loads, of.change, moment.inertia)
+    copy(of.row, of.force)

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, RecordArray, steady
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, steady
 from rungwise.scene.space.laws import touching
 from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.named_laws import laws_named
-from rungwise.system.spatial.drives import Drives, drives
+from rungwise.system.spatial.drives import drives
 from rungwise.system.spatial.features import (
     FREE,
     Features,
@@ -26,14 +27,37 @@ from rungwise.system.spatial.features import (
     allocate_features,
     fill_contacts,
     least_gap,
+    seen_in,
 )
-from rungwise.system.spatial.limited import Limited
-from rungwise.system.spatial.loads import Loads
-from rungwise.system.spatial.passing import Passing, frames
-from rungwise.system.spatial.patch.contacts import Contacts
+from rungwise.system.spatial.limited import (
+    Limited,
+    fill_limited,
+    fill_limits,
+    limit_count,
+    limited,
+    passed_rows,
+    violations,
+)
+from rungwise.system.spatial.loads import Loads, fill_loads, loads, unit_masses, with_unit_masses
+from rungwise.system.spatial.native import (
+    DATA,
+    MODEL,
+    load,
+    mj_comPos,
+    mj_factorM,
+    mj_integratePos,
+    mj_kinematics,
+    mj_makeConstraint,
+    mj_makeM,
+    mj_tendon,
+    mj_transmission,
+)
+from rungwise.system.spatial.passing import Rates, is_clear, may_pass, rates
+from rungwise.system.spatial.patch.contacts import Contacts, Finder, look
+from rungwise.system.spatial.patch.shapes import Frames, shapes, thinnest
 from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
-from rungwise.system.spatial.rotors import Rotors
+from rungwise.system.spatial.rotors import Rotors, rotors, turn_joined
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -66,12 +90,48 @@ class Laws(NamedTuple):
     named: RecordArray
 
 
+class Mechanism(Block):
+    """A model as kernels know it. address (2,) of the model and its data; q (n_q,), the place of these, and
+    whether contacts and all else are of that place (1,); contacts are looked for within `margin` (1,), the
+    least gap of these is `least` (1,), and `near` (1,) is the margin at first; room (1,) for contacts.
+
+    Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint;
+    slots and fresh (s,) are those of the contacts of the last `fill`; after (n_q,), lengths (v,) and the
+    geoms' frames `begun` and `ended` are scratch.
+    """
+
+    address: Ints
+    q: Reals
+    current: Ints
+    margin: Reals
+    least: Reals
+    near: Reals
+    room: Ints
+    joint_margin: Reals
+    joint_lever: Reals
+    tendon_margin: Reals
+    finder: Finder
+    loads: Loads
+    rotors: Rotors
+    limited: Limited
+    solids: Solids
+    rates: Rates
+    reaches: Reals
+    vectors: Ints
+    slots: Ints
+    fresh: Ints
+    after: Reals
+    lengths: Reals
+    begun: Frames
+    ended: Frames
+
+
 @dataclass
 class Space:
     """A model at given controls (a,) and speeds (n,), nan where a velocity is free; both may change between
     steps. `place`, `motion` and `begun`, the activations (k,), are the start; `activation` (k,) are those at
-    the start of a step, and `acting` (a,) is what actuators act by in it. `kept` are the features of the
-    last step that was taken, and `found` those of the last `fill`."""
+    the start of a step. `kept` are the features of the last step that was taken, and `found` those of the
+    last `fill`."""
 
     model: mujoco.MjModel
     laws: Laws
@@ -81,7 +141,6 @@ class Space:
     pace: Reals
     begun: Reals
     activation: Reals = field(init=False)
-    acting: Reals = field(init=False)
     size: Size = field(init=False)
     kept: Features = field(init=False)
     found: Features = field(init=False)
@@ -90,19 +149,18 @@ class Space:
     def __post_init__(self) -> None:
         import mujoco
 
+        load()
         self._mujoco = mujoco
         m = self.model
         _set_options(m)
         self.data = mujoco.MjData(m)
         self.directions = directions(m)
-        self.reaches, self._vectors = reaches(m), vectors(m)
-        self._lengths = np.zeros(len(self._vectors) - 1)
-        self.passing = Passing(m, self.reaches)
-        self.drives: Drives = drives(m)
-        self.contacts = Contacts(m, self.data, self.passing.shapes)
+        self.reaches = reaches(m)
+        made = shapes(m)
+        thin, self.drives = thinnest(m, made), drives(m)
+        self.contacts = Contacts(m, self.data, made)
         touches = touching(m)
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
-        self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
@@ -113,39 +171,59 @@ class Space:
             free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
-        self._q: Reals | None = None
-        self._least: float | None = None
         self._resting: Resting | None = None
         self._framed: mujoco.MjData | None = None
-        self._near = AHEAD * NEAR * length
-        self.look_within(self._near)
-        self._at(self.place)
-        while self.room < BEGINS * len(self._seen.dist):
-            self.room *= 2
+        self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
+        near = AHEAD * NEAR * length
+        self.data.qpos[:] = self.place
+        mujoco.mj_fwdPosition(m, self.data)
+        room = ROOM * int(moving.sum()) + SPARE
+        while room < BEGINS * len(self.contacts.within(near).dist):
+            room *= 2
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
-        self.most = 2 * self.room
-        self.loads = Loads(m, self.drives)
-        self._rotors = Rotors(m, self.loads.joined) if self.loads.any_joined else None
-        self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
-        slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
-        limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
-        crowded = m.nv >= CROWDED
-        named = laws_named(self.laws.named, self._laws_of)
-        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, crowded, named, skewed(m))
-        self._all_free = bool(self.solids.free.all())
-        self.falls = np.where(self.solids.free, self.loads.falls, 0.0)
-        self.activation = self.begun.copy()
-        self.forget()
-        self._fill_contacts, self._least_gap = steady(fill_contacts), steady(least_gap)
-        self._fastest_point = steady(fastest_point)
+        self.room, self.most = room, 2 * room
+        self.loads = loads(m, self.data, self.drives, self.pace)
+        self.rotors = rotors(m, self.loads.joined)
+        self.limited = limited(m, self.data, self.drives, self.lever, self.solids.free, self.most)
+        slots, rows = self.most + limit_count(self.limited), int(self.data.ne + self.data.nf)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
+        self._margin, self._near = np.array([near]), np.array([near])
+        self._current, self._least = np.zeros(1, np.int64), np.zeros(1)
+        self._make_mechanism()
+        named = laws_named(self.laws.named, self._laws_of)
+        self.size = Size(
+            m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
+            m.nv >= CROWDED, named, skewed(m),
+        )  # fmt: skip
+        self.falls = self.loads.falls
+        self.activation = self.begun.copy()
+        self._put_at, self._fill, self._passes = steady(put_at), steady(fill), steady(passes)
+        self._fastest_point = steady(fastest_point)
+        self.forget()
+
+    def _make_mechanism(self) -> None:
+        """What kernels know, by the contacts' finder and the loads as they are now."""
+        m, data, geoms = self.model, self.data, self.model.ngeom
+        frames = [Frames(place=np.zeros((geoms, 3)), axes=np.zeros((geoms, 9))) for _ in range(2)]
+        which = vectors(m)
+        self.mechanism = Mechanism(
+            address=self.loads.address, q=data.qpos, current=self._current, margin=self._margin,
+            least=self._least, near=self._near, room=np.array([self.room]), joint_margin=m.jnt_margin,
+            joint_lever=self.lever[m.jnt_dofadr], tendon_margin=m.tendon_margin,
+            finder=self.contacts.finder, loads=self.loads, rotors=self.rotors, limited=self.limited,
+            solids=self.solids,
+            rates=rates(m, self.reaches), reaches=self.reaches, vectors=which, slots=self._slots,
+            fresh=self._fresh, after=np.zeros(m.nq), lengths=np.zeros(len(which) - 1), begun=frames[0],
+            ended=frames[1],
+        )  # fmt: skip
+        self._lengths = self.mechanism.lengths
 
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
 
     @property
     def driving(self) -> Reals:
-        return self.loads.driving
+        return self.loads.actuators.driving
 
     def speeds(self, _time: float) -> Reals:
         return self.pace
@@ -157,19 +235,16 @@ class Space:
 
     def least_gap(self, q: Reals) -> float:
         self._at(q)
-        if self._least is None:
-            self._least = self._least_gap(self._seen)
-        return self._least
+        return float(self._least[0])
 
     def seen(self, q: Reals) -> Seen:
         """The contacts at q (n_q,) within `margin`."""
         self._at(q)
-        return self._seen
+        return seen_in(self.contacts.finder.contacts)
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
         """Gap and geoms of each contact that overlaps."""
-        self._at(q)
-        seen = self._seen
+        seen = self.seen(q)
         return [
             (float(gap), int(a), int(b))
             for gap, (a, b), row in zip(seen.dist, seen.geom, seen.address, strict=True)
@@ -177,16 +252,16 @@ class Space:
         ]
 
     def violations(self, q: Reals) -> list[tuple[float, int, int]]:
-        """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
+        """How far equalities are open and travel limits are passed (see `limited.violations`)."""
         self._at(q)
-        return self.limited.violations(self.data)
+        return violations(self.limited, self.data)
 
     def closed(self, q: Reals) -> Reals:
         """The place (n_q,) next to q at which equalities hold and no limit is passed, by Gauss-Newton steps;
         where there is none, near what comes nearest."""
         for _ in range(CLOSINGS):
             self._at(q)
-            rows, by = self.limited.open(self.data)
+            rows, by = passed_rows(self.limited, self.data)
             if not np.abs(by).max(initial=0.0) > SHUT * self.size.length:
                 break
             q = self.integrate(q, np.asarray(-np.linalg.lstsq(rows, by, rcond=None)[0], float), 1.0)
@@ -202,7 +277,7 @@ class Space:
     def frames(self, q: Reals) -> Reals:
         """Where bodies are at q (n_q,): their origins, and row by row the matrices of their axes (b, 12)."""
         d = self.data
-        if self._q is None or q.tobytes() != self._q.tobytes():
+        if not (self._current[0] and np.array_equal(q, d.qpos)):
             d = self._framed = self._framed or self._mujoco.MjData(self.model)
             d.qpos[:] = q
             self._mujoco.mj_kinematics(self.model, d)
@@ -229,26 +304,15 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, self._vectors, v, self._lengths)
+        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self._lengths)
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
-        deep = max(-self.least_gap(q), 0.0)
-        if not self.passing.may_pass(self._seen, v, h, deep):
-            return False
-        begin, span, start = 0.0, 1.0, frames(self.data)
-        for _ in range(LOOKS):
-            end = min(1.0, begin + span)
-            self.data.qpos[:] = after = self.integrate(q, v, h * end)
-            self._mujoco.mj_kinematics(self.model, self.data)
-            self._q, stop = np.full(len(q), np.nan), frames(self.data)
-            clear = self.passing.is_clear(self._seen, v, h * (end - begin), deep, start, stop)
-            if clear and end == 1.0:
-                return False
-            if clear:
-                self._at(after)
-                begin, start = end, stop
-            span *= 2.0 if clear else 0.5
-        return True
+        self._at(q)
+        found = self._passes(self.mechanism, q, v, h)
+        while found == NO_ROOM:
+            self._give_room()
+            found = self._passes(self.mechanism, q, v, h)
+        return found != 0
 
     def energy(self, q: Reals, v: Reals) -> float:
         momentum = np.zeros(self.model.nv)
@@ -278,32 +342,21 @@ class Space:
         self.kept, self.found = self.found, self.kept
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
-        d = self.data
-        if reach > self.margin or FALLEN * reach < self.margin > self._near:
-            self.look_within(max(AHEAD * reach, self._near))
-        self._at(moment.q)
-        self.loads.fill(d, moment, self.acting, self.pace, self._all_free, terms)
-        self.limited.fill(d, self.loads.moment, self.acting, not moment.metric, terms)
-        if self._rotors is not None and moment.inertia > 0.0:
-            self._turn(self._rotors, moment, terms)
-        count = self._fill_contacts(
-            self._seen, self.solids, self.kept, self.found, reach, self.room, terms, self._slots, self._fresh
-        )
-        if count < 0:
-            self.look_within(self._near)
+        if moment.inertia == 0.0 and self._unit is None:
+            self._unit = unit_masses(self.model)
+            self.loads = with_unit_masses(self.loads, *self._unit)
+            self._make_mechanism()
+        count = self._fill(self.mechanism, self.kept, self.found, moment, terms, reach)
+        while count == NO_ROOM:
+            self._give_room()
+            count = self._fill(self.mechanism, self.kept, self.found, moment, terms, reach)
+        if count == CROWDS:
             raise Crowded(
                 f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
                 f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
                 " simpler geoms"
             )
-        known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
-        self._fresh[known:count] = 0
         return self._slots[:count], self._fresh[:count]
-
-    def _turn(self, rotors: Rotors, moment: Moment, terms: Terms) -> None:
-        """Let inertial forces of joined bodies be those of a step's middle."""
-        if rotors.fill(self.data, moment, self.pace, terms, self.loads.taken):
-            self.loads.fall(self.data, self.pace, self._all_free, terms)
 
     def forget(self) -> None:
         """Know no contact, look for contacts as near as at first, and begin with the activations of the
@@ -311,39 +364,129 @@ class Space:
         self.activation[:] = self.begun
         self.expect(0.0)
         self.kept, self.found = allocate_features(self.most), allocate_features(self.most)
-        self.look_within(self._near)
+        self.look_within(float(self._near[0]))
 
     def expect(self, h: float) -> None:
         """Let actuators act as they do at the end of a step of length h."""
         drives = self.drives
-        self.acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
+        acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
+        self.loads.actuators.acting[:] = acting
 
     def took(self, h: float) -> None:
         """Let activations go on by a step of length h that was taken."""
         self.activation[:] = self.drives.activated(self.activation, self.control, h)
 
+    @property
+    def margin(self) -> float:
+        """The distance within which contacts are looked for."""
+        return float(self._margin[0])
+
     def look_within(self, margin: float) -> None:
         """Look for contacts within a distance from now on."""
-        m, self.margin = self.model, margin
-        if m.njnt:
-            m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
-        m.tendon_margin[:] = margin
-        self._q = None
+        look_within(self.mechanism, margin)
 
     def _at(self, q: Reals) -> None:
-        """Make MuJoCo's data those of q."""
-        if self._q is None or (q is not self._q and q.tobytes() != self._q.tobytes()):
-            m, d = self.model, self.data
-            d.qpos[:] = q
-            self._mujoco.mj_kinematics(m, d)
-            self._mujoco.mj_comPos(m, d)
-            self._mujoco.mj_tendon(m, d)
-            self._mujoco.mj_makeM(m, d)
-            self._mujoco.mj_factorM(m, d)
-            self._mujoco.mj_makeConstraint(m, d)
-            self._mujoco.mj_transmission(m, d)
-            self._seen, self._least = self.contacts.within(self.margin), None
-        self._q = q
+        """Make MuJoCo's data, and contacts, those of q."""
+        while not self._put_at(self.mechanism, q):
+            self._give_room()
+
+    def _give_room(self) -> None:
+        """Make room for twice as many contacts."""
+        self.contacts.give_room()
+        self._make_mechanism()
+
+
+NO_ROOM, CROWDS = -1, -2
+"""In place of a number of contacts: more are found than there is room for in the finder, or within reach."""
+
+
+@kernel
+def look_within(m: Mechanism, margin: float) -> None:
+    """See `Space.look_within`."""
+    m.margin[0], m.current[0] = margin, 0
+    for j in range(len(m.joint_margin)):
+        m.joint_margin[j] = margin / m.joint_lever[j]
+    for t in range(len(m.tendon_margin)):
+        m.tendon_margin[t] = margin
+
+
+@kernel
+def put_at(m: Mechanism, q: Reals) -> bool:
+    """Make MuJoCo's data, and contacts, those of q (n_q,); False where there is no room for these."""
+    same = m.current[0] != 0
+    for i in range(len(q)):
+        same &= m.q[i] == q[i]
+    if same:
+        return True
+    model, data = m.address[MODEL], m.address[DATA]
+    copy(q, m.q)
+    mj_kinematics(model, data)
+    mj_comPos(model, data)
+    mj_tendon(model, data)
+    mj_makeM(model, data)
+    mj_factorM(model, data)
+    mj_makeConstraint(model, data)
+    mj_transmission(model, data)
+    m.current[0] = look(m.margin[0], m.finder)
+    m.least[0] = least_gap(m.finder.contacts)
+    return bool(m.current[0] != 0)
+
+
+@kernel
+def fill(m: Mechanism, kept: Features, found: Features, moment: Moment, terms: Terms, reach: float) -> int:
+    """Fill terms, and the slots and whether each is new; returns how many there are, or why none."""
+    margin, near = m.margin[0], m.near[0]
+    if reach > margin or FALLEN * reach < margin > near:
+        look_within(m, max(AHEAD * reach, near))
+    if not put_at(m, moment.q):
+        return NO_ROOM
+    fill_loads(m.loads, moment, terms)
+    fill_limited(m.limited, m.loads.actuators, not moment.metric, terms)
+    if moment.inertia > 0.0 and len(m.rotors.trees) > 0:
+        turn_joined(m.rotors, m.loads, moment, terms)
+    known = fill_contacts(m.finder.contacts, m.solids, kept, found, reach, m.room[0], terms, m.slots, m.fresh)
+    if known < 0:
+        look_within(m, near)
+        return CROWDS
+    count = fill_limits(m.limited, reach, known, terms, m.slots)
+    for k in range(known, count):
+        m.fresh[k] = 0
+    return count
+
+
+@kernel
+def passes(m: Mechanism, q: Reals, v: Reals, h: float) -> int:
+    """Whether v may lead anything through another within h of q (n_q,), where the data are; or `NO_ROOM`."""
+    model, data, contacts, shapes = m.address[MODEL], m.address[DATA], m.finder.contacts, m.finder.shapes
+    deep = max(-m.least[0], 0.0)
+    if not may_pass(contacts, shapes, m.rates, v, h, deep):
+        return 0
+    first, span = 0.0, 1.0
+    _take_frames(m, m.begun)
+    for _ in range(LOOKS):
+        end = min(1.0, first + span)
+        copy(q, m.after)
+        mj_integratePos(model, m.after.ctypes.data, v.ctypes.data, h * end)
+        copy(m.after, m.q)
+        m.current[0] = 0
+        mj_kinematics(model, data)
+        _take_frames(m, m.ended)
+        clear = is_clear(contacts, shapes, m.rates, v, h * (end - first), deep, m.begun, m.ended)
+        if clear and end == 1.0:
+            return 0
+        if clear:
+            if not put_at(m, m.after):
+                return NO_ROOM
+            first = end
+            _take_frames(m, m.begun)
+        span *= 2.0 if clear else 0.5
+    return 1
+
+
+@inner_kernel
+def _take_frames(m: Mechanism, frames: Frames) -> None:
+    copy(m.finder.geom_place, frames.place)
+    copy(m.finder.geom_axes, frames.axes)
 
 
 def directions(model: mujoco.MjModel) -> int:

@@ -10,10 +10,11 @@ force m (1 - E) (w' x r) / h.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ _AT_ORIGIN = 1e-14
 """Distance of a centre from its frame's origin that is rounding, over the model's extent."""
 
 
-class Spins(NamedTuple):
+class Spins(Block):
     """Free bodies that nothing else hangs on: body (b,), first (b,) of their six velocities, mass (b,),
     centre (b, 3), and inertia about it and its inverse (b, 3, 3), in the body's frame."""
 
@@ -66,13 +67,9 @@ def spins(model: mujoco.MjModel) -> Spins:
     found, own = np.array(inertia).reshape(-1, 3, 3), np.array(centres).reshape(-1, 3)
     own[np.abs(own) < _AT_ORIGIN * model.stat.extent] = 0.0
     return Spins(
-        np.array(bodies, np.int64),
-        np.array(first, np.int64),
-        np.array(masses),
-        own,
-        found,
-        np.linalg.inv(found),
-    )
+        body=np.array(bodies, np.int64), first=np.array(first, np.int64), mass=np.array(masses, float),
+        centre=own, inertia=found, inverse=np.linalg.inv(found),
+    )  # fmt: skip
 
 
 @kernel

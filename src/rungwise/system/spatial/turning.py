@@ -48,7 +48,7 @@ class Turning:
 
     def __post_init__(self) -> None:
         space = self.space
-        self._counts = self.eps > 0.0 and space.loads.any_joined
+        self._counts = self.eps > 0.0 and bool(space.loads.joined.any())
         self._old, self._new = np.zeros(space.model.nv), np.zeros(space.model.nv)
         self._product = np.zeros(space.model.nv)
         self._gravity, self._centres = space.model.opt.gravity.copy(), space.data.xipos

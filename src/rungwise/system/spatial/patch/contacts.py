@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, kernel, steady
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.laws import LEAST, touching_pairs
-from rungwise.system.spatial.features import Seen
+from rungwise.system.spatial.features import ContactSet, Seen, seen_in
 from rungwise.system.spatial.patch.fields import Fields, meet_field
 from rungwise.system.spatial.patch.geoms import Geoms
 from rungwise.system.spatial.patch.pairs import (
@@ -98,53 +98,73 @@ def tree(model: mujoco.MjModel) -> Tree:
     )
 
 
+class Finder(Block):
+    """What finds contacts: the pairs and their geoms, which MuJoCo places at geom_place (g, 3) and geom_axes
+    (g, 9); the pair (c,) of each contact that was found; and all that is said of these."""
+
+    pairs: Pairs
+    shapes: Shapes
+    fields: Fields
+    seams: Seams
+    tree: Tree
+    motions: Motions
+    geom_place: Reals
+    geom_axes: Reals
+    frames: Frames
+    scratch: Scratch
+    found: Found
+    of: Ints
+    contacts: ContactSet
+
+
 class Contacts(Geoms):
     """Finds the contacts of the geoms of a model where its data has them."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes) -> None:
         super().__init__(model, shapes)
-        self.pairs, self.tree, self._seams, self._data = pairs(model), tree(model), seams(model), data
-        self._motions = Motions(each=data.cdof, centre=data.subtree_com)
-        self._wide = 1 + max((len(_chain(self.tree, b)) for b in range(model.nbody)), default=0)
-        self._find, self._put_rows = steady(find), steady(put_rows)
-        self._give_room(ROOM)
+        self.pairs, self._tree, self._seams, self._data = pairs(model), tree(model), seams(model), data
+        self._wide = 1 + max((len(_chain(self._tree, b)) for b in range(model.nbody)), default=0)
+        self.finder = self._with_room(ROOM)
 
-    def _give_room(self, most: int) -> None:
-        rows = WIDE * most
-        self._found, self._of = allocate_found(most), np.zeros(most, np.int64)
-        self._whole = Seen(
-            self._found.gap, self._found.place, np.zeros((most, 9)), np.zeros((most, 5)),
-            np.zeros(most, np.int64), self._found.geoms, np.zeros(most, np.int64), np.zeros(rows, np.int64),
-            np.zeros(rows, np.int64), np.zeros(2 * self._wide * rows, np.int64),
-            np.zeros(2 * self._wide * rows),
+    def _with_room(self, most: int) -> Finder:
+        rows, found, data = WIDE * most, allocate_found(most), self._data
+        contacts = ContactSet(
+            count=np.zeros(1, np.int64), dist=found.gap, pos=found.place, frame=np.zeros((most, 9)),
+            friction=np.zeros((most, 5)), dim=np.zeros(most, np.int64), geom=found.geoms,
+            address=np.zeros(most, np.int64), first=np.zeros(rows, np.int64),
+            entries=np.zeros(rows, np.int64), column=np.zeros(2 * self._wide * rows, np.int64),
+            J=np.zeros(2 * self._wide * rows),
         )  # fmt: skip
+        return Finder(
+            pairs=self.pairs, shapes=self.shapes, fields=self.fields, seams=self._seams, tree=self._tree,
+            motions=Motions(each=data.cdof, centre=data.subtree_com), geom_place=data.geom_xpos,
+            geom_axes=data.geom_xmat, frames=self.frames, scratch=self._scratch, found=found,
+            of=np.zeros(most, np.int64), contacts=contacts,
+        )  # fmt: skip
+
+    def give_room(self) -> None:
+        """Make room for twice as many contacts, in another finder."""
+        self.finder = self._with_room(2 * len(self.finder.of))
 
     def within(self, margin: float) -> Seen:
         """The contacts that are nearer than `margin`."""
-        self.place(self._data)
-        count = FULL
-        while count == FULL:
-            count = self._find(
-                margin,
-                self.pairs,
-                self.shapes,
-                self.fields,
-                self._seams,
-                self.frames,
-                self._scratch,
-                self._found,
-                self._of,
-            )
-            if count == FULL:
-                self._give_room(2 * len(self._of))
-        self._put_rows(
-            count, self._of, self._found, self.pairs, self.shapes, self.tree, self._motions, self._whole
-        )
-        w, c = self._whole, slice(count)
-        return Seen(
-            w.dist[c], w.pos[c], w.frame[c], w.friction[c], w.dim[c], w.geom[c], w.address[c],
-            w.first, w.entries, w.column, w.J,
-        )  # fmt: skip
+        while not look(margin, self.finder):
+            self.give_room()
+        return seen_in(self.finder.contacts)
+
+
+@kernel
+def look(within: float, f: Finder) -> bool:
+    """Fill in the contacts that are nearer than `within`, where the geoms are now; False where there is no
+    room for all."""
+    copy(f.geom_place, f.frames.place[: len(f.geom_place)])
+    copy(f.geom_axes, f.frames.axes[: len(f.geom_axes)])
+    count = find(within, f.pairs, f.shapes, f.fields, f.seams, f.frames, f.scratch, f.found, f.of)
+    if count == FULL:
+        return False
+    f.contacts.count[0] = count
+    put_rows(count, f.of, f.found, f.pairs, f.shapes, f.tree, f.motions, f.contacts)
+    return True
 
 
 def _chain(made: Tree, body: int) -> list[int]:
@@ -192,7 +212,14 @@ def find(
 
 @kernel
 def put_rows(
-    count: int, of: Ints, found: Found, pairs: Pairs, shapes: Shapes, tree: Tree, motions: Motions, seen: Seen
+    count: int,
+    of: Ints,
+    found: Found,
+    pairs: Pairs,
+    shapes: Shapes,
+    tree: Tree,
+    motions: Motions,
+    seen: ContactSet,
 ) -> None:
     """Fill in frames, friction, and the rows of contacts: of the second body's motion less the first one's,
     in the frame of the contact."""
@@ -217,7 +244,7 @@ def put_rows(
 
 
 @kernel
-def _columns(one: int, other: int, begin: int, tree: Tree, seen: Seen) -> int:
+def _columns(one: int, other: int, begin: int, tree: Tree, seen: ContactSet) -> int:
     """Fill in the velocities that move two bodies against each other, those of the second as they are and
     those of the first as -1 - j; returns how many."""
     i, j, count = tree.last[one], tree.last[other], 0
@@ -233,7 +260,7 @@ def _columns(one: int, other: int, begin: int, tree: Tree, seen: Seen) -> int:
 @kernel
 def _put_column(
     c: int, begin: int, e: int, width: int, dim: int, one: int, other: int, found: Found, tree: Tree,
-    motions: Motions, seen: Seen,
+    motions: Motions, seen: ContactSet,
 ) -> None:  # fmt: skip
     """Fill in what one velocity does to the rows of a contact."""
     j = seen.column[begin + e]

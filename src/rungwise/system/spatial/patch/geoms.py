@@ -26,7 +26,7 @@ class Geoms:
 
     def __init__(self, model: mujoco.MjModel, shapes: Shapes) -> None:
         self.shapes, self.fields, self._count = shapes, fields(model), model.ngeom
-        self.frames = Frames(np.zeros((model.ngeom + 1, 3)), np.zeros((model.ngeom + 1, 9)))
+        self.frames = Frames(place=np.zeros((model.ngeom + 1, 3)), axes=np.zeros((model.ngeom + 1, 9)))
         self._scratch, self._near, self._distance = (
             allocate_scratch(shapes),
             allocate_found(ROOM),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.system.spatial.patch.pairs import Found
 from rungwise.system.spatial.patch.shapes import BOX, CYLINDER, Frames, Shapes
@@ -36,7 +37,7 @@ class Box(NamedTuple):
     half: Reals
 
 
-class Seams(NamedTuple):
+class Seams(Block):
     """The boxes of the same piece that each geom touches: where they begin (g + 1,), and their numbers."""
 
     first: Ints
@@ -57,7 +58,7 @@ def seams(model: mujoco.MjModel) -> Seams:
             h for h in beside if far_apart(shapes[g], shapes[h]) <= FLUSH * model.geom_size[[g, h]].min()
         ]
         first.append(len(others))
-    return Seams(np.array(first), np.array(others, np.int64))
+    return Seams(first=np.array(first), others=np.array(others, np.int64))
 
 
 @kernel

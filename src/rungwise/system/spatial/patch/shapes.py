@@ -57,7 +57,7 @@ class Shapes(Block):
     edge_end: Ints
 
 
-class Frames(NamedTuple):
+class Frames(Block):
     """Places (g, 3) and axes (g, 9) of geoms."""
 
     place: Reals
