@@ -3,7 +3,7 @@
     python benchmarks/rests.py [--kinds pinch,across,...] [--every 1] [--processes 2]
 
 Prints one line per run that is wrong, and for each kind how many runs there were, how many ended otherwise
-than by time, how many moved, and how many took more than their nominal steps by a fifth. `--every` takes every
+than by time, how many moved, and how many took a fifth more than their nominal steps. `--every` takes every
 k-th run only. The runs are those of
 
 - pinch: a part between two pads that servos press, four kinds of pads and nine of parts;
@@ -118,13 +118,16 @@ def across() -> Iterator[Case]:
         "plate on capsules": (rails("capsule", 0.03), 'type="box" size=".05 .04 .005"', 0.025),
         "long plate on capsules": (rails("capsule", 0.02), 'type="box" size=".06 .08 .005"', 0.025),
         "plate on cylinders": (rails("cylinder", 0.03), 'type="box" size=".05 .04 .005"', 0.025),
-        "capsule across rails": (rails("capsule", 0.03), 'type="capsule" size=".01 .05" euler="0 90 0"', 0.03),
+        "capsule across rails": (
+            rails("capsule", 0.03), 'type="capsule" size=".01 .05" euler="0 90 0"', 0.03,
+        ),
         "skew plate on capsules": (
             rails("capsule", 0.03), 'type="box" size=".05 .04 .005" euler="0 0 17"', 0.025,
         ),
     }  # fmt: skip
     for name, (below, geom, height) in scenes.items():
-        body = f'<body name="b" pos="0 0 {height:.12f}"><freejoint/><geom {geom} mass=".1" friction=".7"/></body>'
+        lying = f'<freejoint/><geom {geom} mass=".1" friction=".7"/>'
+        body = f'<body name="b" pos="0 0 {height:.12f}">{lying}</body>'
         model = f"<worldbody>{below}{body}</worldbody>"
         for rung, step, tol in product(FORCES, STEPS, TOLS):
             yield Case("across", name, model, rung, step, tol, max(0.05, 20 * step))
@@ -145,8 +148,8 @@ SLOPES = {"level": (0.0, 0.0), "along x": (0.1, 0.0), "across": (0.05, 0.08)}
 GRID, HALF, DEEP = 21, 0.2, 0.1
 
 
-def ground(along: float, aside: float) -> str:
-    """A height field with these slopes, 0 at the middle."""
+def ground(along: float, aside: float) -> tuple[str, float]:
+    """A height field with these slopes, and where it lies so that it is at 0 in the middle."""
     at = np.linspace(-HALF, HALF, GRID)
     heights = 0.5 * DEEP + along * at[None, :] + aside * at[:, None]
     low = float(heights.min())
@@ -157,7 +160,7 @@ def ground(along: float, aside: float) -> str:
     return (
         f'<asset><mesh name="prism" vertex="{mesh}" inertia="convex"/><hfield name="h" nrow="{GRID}"'
         f' ncol="{GRID}" size="{HALF} {HALF} {span} .05" elevation="{numbers}"/></asset>'
-    ), low - 0.5 * DEEP  # type: ignore[return-value]
+    ), low - 0.5 * DEEP
 
 
 def on_field(geom: str, above: float, along: float, aside: float, spin: float = 0.0) -> str:
@@ -220,7 +223,8 @@ def leans() -> Iterator[Case]:
 
 def reaches() -> Iterator[Case]:
     """An arm of three joints that servos or speeds lead through free air, beside a cube on a table."""
-    links = ((2.0, 0.03, "0 0 0 .3 0 .2", "0 0 .3", "0 0 1"), (1.0, 0.025, "0 0 0 .3 0 0", ".3 0 .2", "0 1 0"),
+    links = ((2.0, 0.03, "0 0 0 .3 0 .2", "0 0 .3", "0 0 1"),
+             (1.0, 0.025, "0 0 0 .3 0 0", ".3 0 .2", "0 1 0"),
              (0.5, 0.02, "0 0 0 .15 0 -.1", ".3 0 0", "0 1 0"))  # fmt: skip
     arm = "".join(
         f'<body name="l{k}" pos="{at}"><joint name="j{k}" axis="{axis}"/><geom type="capsule" size="{thick}"'
@@ -266,7 +270,8 @@ def lifts() -> Iterator[Case]:
             for name, sign in (("l", 1), ("r", -1))
         )
         hand = (
-            f'<body name="hand" pos="0 0 {max(half, 0.021) + 1e-3}"><joint name="z" type="slide" axis="0 0 1"/>'
+            f'<body name="hand" pos="0 0 {max(half, 0.021) + 1e-3}">'
+            f'<joint name="z" type="slide" axis="0 0 1"/>'
             f'<joint name="x" type="slide" axis="1 0 0"/>'
             f'<geom type="box" size=".02 .02 .01" pos="0 0 .06" mass=".5"/>{jaws}</body>'
         )

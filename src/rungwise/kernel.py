@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.block import layout_of
+from rungwise.block import Block, layout_of
 
 Reals: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -84,6 +84,50 @@ class Kernel:
         return _calls().type_of(self)
 
 
+class SystemKernel(Kernel):
+    """A kernel whose first argument is a system: compiled for blocks, and plain Python for any other."""
+
+    def __call__(self, *arguments: object) -> object:
+        if isinstance(arguments[0], Block):
+            return super().__call__(*arguments)
+        return self.function(*arguments)
+
+
+class Inline(Kernel):
+    """A kernel that is a part of its callers, and plain Python for callers in Python: it may return
+    blocks."""
+
+    def __call__(self, *arguments: object) -> object:
+        return self.function(*arguments)
+
+
+class Contract:
+    """What kernels ask of a system: each class of blocks gives a kernel of its own (`given_by`), and any
+    other object has a method of this name."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        update_wrapper(self, function)
+        self.name, self.function = function.__name__, function
+        self.given: dict[str, Any] = {}
+
+    def given_by(self, kind: type[Block]) -> Callable[[F], F]:
+        """Let the kernel that follows be that of a class of blocks."""
+
+        def give(kernel: F) -> F:
+            self.given[kind.__name__] = kernel
+            return kernel
+
+        return give
+
+    def __call__(self, system: object, *arguments: object) -> Any:
+        own = self.given.get(type(system).__name__)
+        return getattr(system, self.name)(*arguments) if own is None else own(system, *arguments)
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        return _calls().type_of_contract(self)
+
+
 def kernel(function: F) -> F:
     """Compile `function` on first call, without the GIL, with IEEE division, cached on disk.
 
@@ -98,6 +142,11 @@ def kernel(function: F) -> F:
 def allocating_kernel(function: F) -> F:
     """A kernel that may allocate: for rare work of unknown size, never for a hot path."""
     return _compile(function, _is_private(function), _nrt=True)
+
+
+def system_kernel(function: F) -> F:
+    """A kernel whose first argument is a system, compiled or not (see `Contract`)."""
+    return _compile(function, _is_private(function), SystemKernel)
 
 
 def rare_kernel(function: F) -> F:
@@ -123,6 +172,11 @@ def imported_kernel(module: str) -> Callable[[F], F]:
 def inner_kernel(function: F) -> F:
     """A kernel that becomes a part of each caller, where a call would take as long as the work."""
     return _compile(function, True, forceinline=True)
+
+
+def inline(function: F) -> F:
+    """An inner kernel that may return blocks (see `Inline`)."""
+    return _compile(function, True, Inline, forceinline=True)
 
 
 def summing_kernel(function: F) -> F:
@@ -173,10 +227,10 @@ def _is_private(function: Callable[..., object]) -> bool:
     return function.__name__.startswith("_") or "<" in function.__qualname__
 
 
-def _compile(function: F, is_part: bool, **options: object) -> F:
+def _compile(function: F, is_part: bool, kind: type[Kernel] = Kernel, **options: object) -> F:
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return function
-    return Kernel(function, is_part, **options)  # type: ignore[return-value]
+    return kind(function, is_part, **options)  # type: ignore[return-value]
 
 
 @inner_kernel

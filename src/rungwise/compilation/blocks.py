@@ -26,10 +26,11 @@ _OWN_WORDS = 5
 
 
 class BlockType(types.Type):
-    """Numba's view of a block: field names, their types, and the word at which each begins."""
+    """Numba's view of a block: the name of its class, field names, their types, and the word at which each
+    begins."""
 
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type, int], ...]) -> None:
-        self.fields = fields
+        self.kind, self.fields = name, fields
         text = ", ".join(f"{field}: {kind}" for field, kind, _ in fields)
         super().__init__(name=f"{name}({hashlib.sha256(text.encode()).hexdigest()[:16]})")
 

@@ -38,7 +38,7 @@ from rungwise.compilation.indices import count_from_start
 from rungwise.compilation.progress import compiling
 
 if TYPE_CHECKING:
-    from rungwise.kernel import Kernel
+    from rungwise.kernel import Contract, Kernel
 
 _SCALARS = {"int": types.int64, "float": types.float64, "bool": types.boolean, "None": types.none}
 
@@ -127,6 +127,22 @@ def type_of(kernel: Kernel) -> Any:
     first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
     define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
     template = make_intrinsic_template(kernel, define, kernel.name, prefer_literal=False, kwargs={})
+    return types.Function(template)
+
+
+def type_of_contract(contract: Contract) -> Any:
+    """Numba's type of what each class of systems has a kernel for."""
+    returns = result_type(contract.function)
+
+    def define(_context: object, *arguments: Any) -> tuple[Any, Callable[..., Any]]:
+        kernel = contract.given[arguments[0].kind]
+        key = pickle.dumps((kernel.__module__, kernel.name, arguments), protocol=5)
+        return returns(*arguments), _caller(key)
+
+    own = inspect.signature(contract.function)
+    first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
+    define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
+    template = make_intrinsic_template(contract, define, contract.name, prefer_literal=False, kwargs={})
     return types.Function(template)
 
 

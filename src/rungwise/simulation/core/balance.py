@@ -179,7 +179,7 @@ def _held(trial: Trial, a: int) -> float:
 def ask_speeds(trial: Trial, asked: Reals) -> None:
     """Fill asked (n,) with how fast coordinates move, at most, where servos that are within their limits in
     the solution move them by no force: what these lead is as good as driven."""
-    h, terms, state = trial.h, trial.terms, trial.state
+    terms, state = trial.terms, trial.state
     for a in range(asked.shape[0]):
         asked[a] = abs(state.speed[a])
     for r in range(state.clock[0].limited):

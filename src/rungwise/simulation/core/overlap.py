@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, kernel
 from rungwise.models.ladder import Rung
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.tolerances import EXACT, OVERLAP, SINKING
+from rungwise.system.entries import rate
 from rungwise.system.moving import Size
 from rungwise.system.terms import Terms
 
@@ -17,18 +18,21 @@ SUNK = 0.2
 """Deformation over the system's length beyond which long steps are halved: runs end where the model fails."""
 
 
-def least_allowed(rung: Rung, size: Size, step: Trial, v: Reals, way: float, before: float) -> float:
+@kernel
+def least_allowed(step: Trial, v: Reals, length: float, way: float, before: float) -> float:
     """The least gap that is allowed at the end of a step to v, which moves things by `way`, after a least gap
-    of `before`; inf where contacts yield too much. Gaps of compliant contacts are linear over the way."""
-    if not rung.compliant:
-        allowed = (EXACT if rung.metric else OVERLAP) * size.length
-        return min(before - float(step.terms.rounding[0]), -allowed)
-    rows = step.terms.rows[: step.contacts * size.directions : size.directions]
-    foreseen = step.terms.gap[: step.contacts] + step.h * (rows @ v)
-    deepest = float(foreseen.min(initial=0.0))
-    if deepest < -SUNK * size.length and way > SINKING * size.length:
+    of `before`, in a system of this length; inf where contacts yield too much. Gaps of compliant contacts are
+    linear over the way."""
+    rung, h, terms, contacts, _, _, _ = step
+    if not rung[0].compliant:
+        allowed = (EXACT if rung[0].metric else OVERLAP) * length
+        return float(min(before - terms.rounding[0], -allowed))
+    deepest, d = 0.0, terms.contact_stiffness.shape[1]
+    for k in range(contacts):
+        deepest = min(deepest, terms.gap[k] + h * rate(terms.entries, terms.rows, d * k, d, v))
+    if deepest < -SUNK * length and way > SINKING * length:
         return math.inf
-    return deepest - UNSEEN * size.length
+    return deepest - UNSEEN * length
 
 
 def crushes(rung: Rung, size: Size, step: Trial) -> bool:
@@ -41,10 +45,11 @@ def crushes(rung: Rung, size: Size, step: Trial) -> bool:
     return bool((yields > SINKING * size.length).any())
 
 
+@kernel
 def open_added(terms: Terms, contacts: int, h: float, deep: float) -> None:
     """Let overlap that the way to a trial place adds to what was there, `deep`, be gone at the end of a step
     of length h. The models take a `pause` for overlap, which is meant for what was there before."""
-    gap = terms.gap[:contacts]
-    added = gap < -max(deep, float(terms.rounding[0]))
-    slower = max(1.0, float(terms.pause[0]) / h)
-    gap[added] = slower * (gap[added] + deep) - deep
+    slower = max(1.0, terms.pause[0] / h)
+    for k in range(contacts):
+        if terms.gap[k] < -max(deep, terms.rounding[0]):
+            terms.gap[k] = slower * (terms.gap[k] + deep) - deep

@@ -45,13 +45,19 @@ class Noting(Stepper):
 
     noted: list[Solved]
 
-    def _again(self, h: float) -> int:
-        status = super()._again(h)
-        if status == SUPPORTED:
-            if self.noted and self.noted[-1].trial is self._trial:
-                self.noted.pop()
-            self.noted.append(Solved(self._trial, *found_in(self._tried(h)), self._held()))
-        return status
+    def _attempt(self, h: float) -> tuple[int, Array]:
+        """An attempt that holds is looked at again, from place to place."""
+        status, v = super()._attempt(h)
+        tried, end, reach = self.tried, self.tried.trial.copy(), float(self.note["reach"])
+        places, ways = tried.places.copy(), tried.ways.copy()
+        self.noted = []
+        for k in range(int(self.note["count"]) if status == SUPPORTED else 0):
+            place = places[k] if k > 0 else self.q
+            self.fill_at(place, ways[k], h, reach)
+            self._again(h)
+            self.noted.append(Solved(place, *found_in(self._tried(h)), self._held()))
+        tried.trial[:], tried.v[:] = end, v
+        return status, v
 
     def _held(self) -> SpaceHeld:
         terms, scratch, count, clock = self.terms, self.scratch, self.contacts, self.clock
@@ -59,7 +65,8 @@ class Noting(Stepper):
         return SpaceHeld(
             slots=scratch.slots[:count].copy(), terms=terms_of(terms, count), bounced=none,
             eps=float(clock["eps"]), theta=float(clock["theta"]), ease=float(terms.pause[0]),
-            features=copied(space.found), pushing=none, speed=scratch.v_new.copy(), deep=self._deep,
+            features=copied(space.found), pushing=none, speed=scratch.v_new.copy(),
+            deep=float(self.note["deep"]),
             margin=space.margin,
         )  # fmt: skip
 

@@ -88,7 +88,7 @@ class SpaceAssembly(Steps):
         stepper = self._stepper
         self._begin_anew()
         self._put(start)
-        if not stepper._fill(start.q, start.v, self.h, SEEN * near):
+        if not stepper.fill_at(start.q, start.v, self.h, SEEN * near):
             raise ModelError("step: more contacts are near than there is room for")
         return stepper.contacts
 
@@ -127,7 +127,7 @@ class SpaceAssembly(Steps):
         self._begin_anew()
         if start.features is None:
             self._put(start)
-            stepper._fill(start.q, start.v, self.h, system.margin)
+            stepper.fill_at(start.q, start.v, self.h, system.margin)
             system.accept()
         else:
             recall(stepper, system, start.features)
@@ -206,13 +206,13 @@ class SpaceAssembly(Steps):
         restore(system.kept, held.features)
         system.kept.along[:] = start.tangent.reshape(-1, 6)
         self._put(start)
-        stepper._deep = held.deep
+        stepper.note["deep"] = held.deep
         if system.margin != held.margin:
             system.look_within(held.margin)
         if faster is not None:
             self.state.speed[:] += faster
         place = start.q if trial is None else system.integrate(start.q, trial, self.h)
-        stepper._fill(place, start.v if trial is None else trial, self.h, system.margin)
+        stepper.fill_at(place, start.v if trial is None else trial, self.h, system.margin)
         return stepper.contacts
 
     def _gaps(self, held: SpaceHeld, trial: Array | None, gap: Array) -> Array:

@@ -6,13 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.labels import Labels
+from rungwise.simulation.core.state import Scratch, State
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.frames import worked
+from rungwise.system.spatial.features import Features
 from rungwise.system.spatial.space import Space
-from rungwise.system.terms import JOINT, SUPPORT
+from rungwise.system.terms import DRIVE, JOINT, Terms
 
 
 class Touch(NamedTuple):
@@ -60,41 +62,71 @@ def frame(stepper: Stepper, space: Space, memory: Reals) -> Frame:
 
 def reactions(stepper: Stepper, space: Space) -> Reals:
     """What acted on each velocity in the last step, as of `REACTIONS`."""
-    terms, scratch, state = stepper.terms, stepper.scratch, stepper.state
-    found = np.zeros((len(REACTIONS), len(state.v)))
-    if not stepper.rung.loads:
-        return found
-    found[0] = state.reaction
-    d = space.size.directions
-    for k in np.flatnonzero(scratch.slots[: stepper.contacts] >= space.most):
-        found[1] += scratch.contact_force[k * d] * terms.rows[k * d]
-    for row, account in ((2, JOINT), (3, SUPPORT)):
-        own = terms.account == account
-        found[row] = scratch.limited_force[own] @ terms.limited[own]
+    found = np.zeros((len(REACTIONS), len(stepper.state.v)))
+    if stepper.rung.loads:
+        put_reactions(stepper.terms, stepper.state, stepper.scratch, stepper.contacts, space.most, found)
     return found
+
+
+@kernel
+def put_reactions(
+    terms: Terms, state: State, scratch: Scratch, contacts: int, first: int, found: Reals
+) -> None:
+    """Fill found (4, n) with what acts on each velocity; slots of travel limits begin at `first`."""
+    d, n = state.force.shape[1], found.shape[1]
+    copy(state.reaction, found[0])
+    for k in range(contacts):
+        force = scratch.contact_force[k * d]
+        if scratch.slots[k] >= first and force != 0.0:
+            for i in range(n):
+                found[1, i] += force * terms.rows[k * d, i]
+    for r in range(terms.account.shape[0]):
+        row = 2 if terms.account[r] == JOINT else 3
+        force = scratch.limited_force[r] if terms.account[r] != DRIVE else 0.0
+        if force != 0.0:
+            for i in range(n):
+                found[row, i] += force * terms.limited[r, i]
 
 
 def touching(stepper: Stepper, space: Space) -> Touch:
     """Contacts of the last step, where they were at its start."""
     kept, state = space.kept, stepper.state
-    slots = np.flatnonzero(kept.geoms[:, 0] >= 0)
-    world, pushed = kept.world[slots], np.empty((len(slots), 3))
-    put_forces(world, state.force, slots, pushed)
-    return Touch(
-        world[:, :3], world[:, 3:6], pushed, world[:, 10], state.modes[slots], kept.geoms[slots], world[:, 9]
-    )
+    slots = np.empty(int(kept.used[0]), np.int64)
+    count = used_features(kept, slots)
+    point, normal, pushed = np.empty((3, count, 3))
+    friction, gap = np.empty((2, count))
+    mode, geoms = np.empty(count, np.int64), np.empty((count, 2), np.int64)
+    put_touch(kept, state.force, state.modes, slots, point, normal, pushed, friction, mode, geoms, gap)
+    return Touch(point, normal, pushed, friction, mode, geoms, gap)
 
 
 @kernel
-def put_forces(world: Reals, force: Reals, slots: Ints, pushed: Reals) -> None:
-    """Fill pushed (c, 3): forces in the world of contacts (c, 11), from those along their directions, by
-    slot."""
-    for c, slot in enumerate(slots):
-        normal, along = world[c, 3:6], world[c, 6:9]
+def used_features(kept: Features, slots: Ints) -> int:
+    """Fill in which slots have a feature; returns how many."""
+    count = 0
+    for s in range(kept.used[0]):
+        if kept.geoms[s, 0] >= 0:
+            slots[count] = s
+            count += 1
+    return count
+
+
+@kernel
+def put_touch(
+    kept: Features, force: Reals, modes: Ints, slots: Ints, point: Reals, normal: Reals, pushed: Reals,
+    friction: Reals, mode: Ints, geoms: Ints, gap: Reals,
+) -> None:  # fmt: skip
+    """Fill in the fields of `Touch` of the features in these slots."""
+    for c in range(len(gap)):
+        slot = slots[c]
+        world, along = kept.world[slot], kept.world[slot, 6:9]
+        mode[c], gap[c], friction[c] = modes[slot], world[9], world[10]
+        geoms[c, 0], geoms[c, 1] = kept.geoms[slot, 0], kept.geoms[slot, 1]
         for i in range(3):
+            point[c, i], normal[c, i] = world[i], world[3 + i]
             j, k = (i + 1) % 3, (i + 2) % 3
-            across = normal[j] * along[k] - normal[k] * along[j]
-            pushed[c, i] = force[slot, 0] * normal[i] + force[slot, 1] * along[i] + force[slot, 2] * across
+            across = world[3 + j] * along[k] - world[3 + k] * along[j]
+            pushed[c, i] = force[slot, 0] * world[3 + i] + force[slot, 1] * along[i] + force[slot, 2] * across
 
 
 MODES = ("open", "stick", "slip")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.simulation.core.state import State
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.moving.memory import flattened, restored
+from rungwise.simulation.moving.memory import restored
 from rungwise.system.spatial.features import FREE, Features
 from rungwise.system.spatial.space import Space
 
@@ -31,7 +31,7 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
     state, scratch, kept = stepper.state, stepper.scratch, space.kept
     return _Arrays(
         [
-            space.activation, state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode,
+            space.activation, stepper.clock_numbers, scratch.limited_force, scratch.limited_mode,
             stepper.terms.fall, kept.used,
         ],
         [state.modes, state.deformation, state.force, state.impulse],
@@ -41,13 +41,20 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
 
 def remembered(stepper: Stepper, space: Space) -> Reals:
     """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
-    arrays, state, kept = _arrays(stepper, space), stepper.state, space.kept
-    active, known = np.empty(len(state.modes), np.int64), np.empty(len(kept.geoms), np.int64)
+    whole, state, kept = _arrays(stepper, space).whole, stepper.state, space.kept
+    active, known = np.empty(len(state.modes), np.int64), np.empty(int(kept.used[0]), np.int64)
     actives, knowns, size = used_slots(state, kept, active, known)
-    active, known, rows = active[:actives], known[:knowns], np.empty(size)
-    head = np.array([space.margin, stepper.leapt, *_sizes(stepper, space), actives, knowns])
-    put_rows(state, kept, active, known, rows, rows.view(np.int64))
-    return np.concatenate([head, active, known, *flattened(arrays.whole), rows])
+    first = HEAD + actives + knowns
+    at = first + sum(part.size for part in whole)
+    found = np.empty(at + size)
+    found[:HEAD] = (space.margin, stepper.leapt, *_sizes(stepper, space), actives, knowns)
+    found[HEAD : HEAD + actives], found[HEAD + actives : first] = active[:actives], known[:knowns]
+    for part in whole:
+        found[first : first + part.size] = part.view(np.float64)
+        first += part.size
+    rows = found[at:]
+    put_rows(state, kept, active[:actives], known[:knowns], rows, rows.view(np.int64))
+    return found
 
 
 @kernel
@@ -63,7 +70,7 @@ def used_slots(state: State, kept: Features, active: Ints, known: Ints) -> tuple
         if used:
             active[actives] = s
             actives += 1
-    for s in range(kept.geoms.shape[0]):
+    for s in range(kept.used[0]):
         if kept.geoms[s, 0] >= 0:
             known[knowns] = s
             knowns += 1

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, steady
 from rungwise.scene.space.laws import touching
+from rungwise.system import contract
 from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.named_laws import laws_named
@@ -44,11 +45,13 @@ from rungwise.system.spatial.native import (
     MODEL,
     load,
     mj_comPos,
+    mj_energyPos,
     mj_factorM,
     mj_integratePos,
     mj_kinematics,
     mj_makeConstraint,
     mj_makeM,
+    mj_mulM,
     mj_tendon,
     mj_transmission,
 )
@@ -92,17 +95,20 @@ class Laws(NamedTuple):
 
 class Mechanism(Block):
     """A model as kernels know it. address (2,) of the model and its data; q (n_q,), the place of these, and
-    whether contacts and all else are of that place (1,); contacts are looked for within `margin` (1,), the
+    whether contacts and all else are of that place, `current` (1,); whether there was no room for contacts in
+    the finder, `short` (1,); contacts are looked for within `margin` (1,), the
     least gap of these is `least` (1,), and `near` (1,) is the margin at first; room (1,) for contacts.
 
-    Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint;
-    slots and fresh (s,) are those of the contacts of the last `fill`; after (n_q,), lengths (v,) and the
-    geoms' frames `begun` and `ended` are scratch.
+    Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
+    `kept` are the features of the last step that was taken, `found` those of the last `fill`; after (n_q,),
+    momentum (n,), lengths (v,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,) is in
+    MuJoCo's memory.
     """
 
     address: Ints
     q: Reals
     current: Ints
+    short: Ints
     margin: Reals
     least: Reals
     near: Reals
@@ -118,8 +124,10 @@ class Mechanism(Block):
     rates: Rates
     reaches: Reals
     vectors: Ints
-    slots: Ints
-    fresh: Ints
+    kept: Features
+    found: Features
+    energy: Reals
+    momentum: Reals
     after: Reals
     lengths: Reals
     begun: Frames
@@ -142,8 +150,6 @@ class Space:
     begun: Reals
     activation: Reals = field(init=False)
     size: Size = field(init=False)
-    kept: Features = field(init=False)
-    found: Features = field(init=False)
     directions: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -186,9 +192,10 @@ class Space:
         self.rotors = rotors(m, self.loads.joined)
         self.limited = limited(m, self.data, self.drives, self.lever, self.solids.free, self.most)
         slots, rows = self.most + limit_count(self.limited), int(self.data.ne + self.data.nf)
+        self._features = allocate_features(self.most), allocate_features(self.most)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
         self._margin, self._near = np.array([near]), np.array([near])
-        self._current, self._least = np.zeros(1, np.int64), np.zeros(1)
+        self._current, self._short, self._least = np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(1)
         self._make_mechanism()
         named = laws_named(self.laws.named, self._laws_of)
         self.size = Size(
@@ -197,26 +204,41 @@ class Space:
         )  # fmt: skip
         self.falls = self.loads.falls
         self.activation = self.begun.copy()
-        self._put_at, self._fill, self._passes = steady(put_at), steady(fill), steady(passes)
-        self._fastest_point = steady(fastest_point)
+        self._put_at, self._fill, self._passes = steady(put_at), steady(fill_terms), steady(may_go_through)
+        self._fastest_point, self._energy = steady(fastest_point), steady(energy_of)
         self.forget()
 
     def _make_mechanism(self) -> None:
         """What kernels know, by the contacts' finder and the loads as they are now."""
         m, data, geoms = self.model, self.data, self.model.ngeom
         frames = [Frames(place=np.zeros((geoms, 3)), axes=np.zeros((geoms, 9))) for _ in range(2)]
-        which = vectors(m)
-        self.mechanism = Mechanism(
-            address=self.loads.address, q=data.qpos, current=self._current, margin=self._margin,
-            least=self._least, near=self._near, room=np.array([self.room]), joint_margin=m.jnt_margin,
-            joint_lever=self.lever[m.jnt_dofadr], tendon_margin=m.tendon_margin,
-            finder=self.contacts.finder, loads=self.loads, rotors=self.rotors, limited=self.limited,
-            solids=self.solids,
-            rates=rates(m, self.reaches), reaches=self.reaches, vectors=which, slots=self._slots,
-            fresh=self._fresh, after=np.zeros(m.nq), lengths=np.zeros(len(which) - 1), begun=frames[0],
-            ended=frames[1],
-        )  # fmt: skip
+        which, (one, other) = vectors(m), self._features
+        same: dict[str, Any] = {
+            "address": self.loads.address, "q": data.qpos, "current": self._current, "short": self._short,
+            "margin": self._margin, "least": self._least, "near": self._near,
+            "room": np.array([self.room]), "joint_margin": m.jnt_margin,
+            "joint_lever": self.lever[m.jnt_dofadr], "tendon_margin": m.tendon_margin,
+            "finder": self.contacts.finder, "loads": self.loads, "rotors": self.rotors,
+            "limited": self.limited, "solids": self.solids, "rates": rates(m, self.reaches),
+            "reaches": self.reaches, "vectors": which,
+        }  # fmt: skip
+        rest: dict[str, Any] = {
+            "energy": data.energy, "momentum": np.zeros(m.nv), "after": np.zeros(m.nq),
+            "lengths": np.zeros(len(which) - 1), "begun": frames[0], "ended": frames[1],
+        }  # fmt: skip
+        self.mechanism = Mechanism(**same, kept=one, found=other, **rest)
+        self._turned = Mechanism(**same, kept=other, found=one, **rest)
         self._lengths = self.mechanism.lengths
+
+    @property
+    def kept(self) -> Features:
+        """The features of the last step that was taken."""
+        return self.mechanism.kept
+
+    @property
+    def found(self) -> Features:
+        """The features of the last `fill`."""
+        return self.mechanism.found
 
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
@@ -307,25 +329,19 @@ class Space:
         return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self._lengths)
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
-        self._at(q)
         found = self._passes(self.mechanism, q, v, h)
-        while found == NO_ROOM:
-            self._give_room()
+        while self.makes_room():
             found = self._passes(self.mechanism, q, v, h)
-        return found != 0
+        return bool(found)
 
     def energy(self, q: Reals, v: Reals) -> float:
-        momentum = np.zeros(self.model.nv)
-        self.put_momentum(q, v, momentum)
-        self._mujoco.mj_energyPos(self.model, self.data)
-        with np.errstate(over="ignore", invalid="ignore"):
-            energy = float(self.data.energy[0] + 0.5 * v @ momentum)
-        return math.inf if math.isnan(energy) else energy  # of what has run away it is inf
+        self._at(q)
+        return float(self._energy(self.mechanism, v))
 
     def put_momentum(self, q: Reals, v: Reals, momentum: Reals) -> None:
         """Fill momentum (n,) with M v at q."""
         self._at(q)
-        self._mujoco.mj_mulM(self.model, self.data, momentum, v)
+        put_momentum(self.mechanism, v, momentum)
 
     def geoms(self, slots: Ints) -> Ints:
         """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
@@ -339,31 +355,40 @@ class Space:
         return np.where(slots < self.most, self.laws.law[geoms[:, 0], geoms[:, 1]], 0)
 
     def accept(self) -> None:
-        self.kept, self.found = self.found, self.kept
+        self.mechanism, self._turned = self._turned, self.mechanism
+        self._features = self._features[1], self._features[0]
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
-        if moment.inertia == 0.0 and self._unit is None:
+        count = self._fill(self.mechanism, moment, terms, reach, self._slots, self._fresh)
+        while self.makes_room():
+            count = self._fill(self.mechanism, moment, terms, reach, self._slots, self._fresh)
+        if count < 0:
+            raise self.crowded(reach)
+        return self._slots[:count], self._fresh[:count]
+
+    def crowded(self, reach: float) -> Crowded:
+        """What says that there is no room for all contacts within reach."""
+        return Crowded(
+            f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
+            f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
+            " simpler geoms"
+        )
+
+    def know_unit_masses(self) -> None:
+        """Let terms have the metric, too, which rungs without inertia need."""
+        if self._unit is None:
             self._unit = unit_masses(self.model)
             self.loads = with_unit_masses(self.loads, *self._unit)
             self._make_mechanism()
-        count = self._fill(self.mechanism, self.kept, self.found, moment, terms, reach)
-        while count == NO_ROOM:
-            self._give_room()
-            count = self._fill(self.mechanism, self.kept, self.found, moment, terms, reach)
-        if count == CROWDS:
-            raise Crowded(
-                f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
-                f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
-                " simpler geoms"
-            )
-        return self._slots[:count], self._fresh[:count]
 
     def forget(self) -> None:
         """Know no contact, look for contacts as near as at first, and begin with the activations of the
         start."""
         self.activation[:] = self.begun
         self.expect(0.0)
-        self.kept, self.found = allocate_features(self.most), allocate_features(self.most)
+        for features in self._features:
+            features.geoms[:], features.used[0] = FREE, 0
+            features.place[:] = features.along[:] = features.world[:] = 0.0
         self.look_within(float(self._near[0]))
 
     def expect(self, h: float) -> None:
@@ -388,16 +413,16 @@ class Space:
     def _at(self, q: Reals) -> None:
         """Make MuJoCo's data, and contacts, those of q."""
         while not self._put_at(self.mechanism, q):
-            self._give_room()
+            self.makes_room()
 
-    def _give_room(self) -> None:
-        """Make room for twice as many contacts."""
+    def makes_room(self) -> bool:
+        """Whether the finder had no room for all contacts; then there is room for twice as many."""
+        if not self._short[0]:
+            return False
+        self._short[0] = 0
         self.contacts.give_room()
         self._make_mechanism()
-
-
-NO_ROOM, CROWDS = -1, -2
-"""In place of a number of contacts: more are found than there is room for in the finder, or within reach."""
+        return True
 
 
 @kernel
@@ -428,59 +453,116 @@ def put_at(m: Mechanism, q: Reals) -> bool:
     mj_makeConstraint(model, data)
     mj_transmission(model, data)
     m.current[0] = look(m.margin[0], m.finder)
+    m.short[0] = 1 - m.current[0]
     m.least[0] = least_gap(m.finder.contacts)
     return bool(m.current[0] != 0)
 
 
 @kernel
-def fill(m: Mechanism, kept: Features, found: Features, moment: Moment, terms: Terms, reach: float) -> int:
-    """Fill terms, and the slots and whether each is new; returns how many there are, or why none."""
+def fill_terms(m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: Ints, fresh: Ints) -> int:
+    """Fill terms, and the slots of contacts and whether each is new; returns how many there are, or a number
+    below 0 where there is no room for all."""
     margin, near = m.margin[0], m.near[0]
     if reach > margin or FALLEN * reach < margin > near:
         look_within(m, max(AHEAD * reach, near))
     if not put_at(m, moment.q):
-        return NO_ROOM
+        return -1
     fill_loads(m.loads, moment, terms)
     fill_limited(m.limited, m.loads.actuators, not moment.metric, terms)
     if moment.inertia > 0.0 and len(m.rotors.trees) > 0:
         turn_joined(m.rotors, m.loads, moment, terms)
-    known = fill_contacts(m.finder.contacts, m.solids, kept, found, reach, m.room[0], terms, m.slots, m.fresh)
+    known = fill_contacts(m.finder.contacts, m.solids, m.kept, m.found, reach, m.room[0], terms, slots, fresh)
     if known < 0:
         look_within(m, near)
-        return CROWDS
-    count = fill_limits(m.limited, reach, known, terms, m.slots)
+        return -1
+    count = fill_limits(m.limited, reach, known, terms, slots)
     for k in range(known, count):
-        m.fresh[k] = 0
+        fresh[k] = 0
     return count
 
 
 @kernel
-def passes(m: Mechanism, q: Reals, v: Reals, h: float) -> int:
-    """Whether v may lead anything through another within h of q (n_q,), where the data are; or `NO_ROOM`."""
+def put_momentum(m: Mechanism, v: Reals, momentum: Reals) -> None:
+    """Fill momentum (n,) with M v, where the data are."""
+    mj_mulM(m.address[MODEL], m.address[DATA], momentum.ctypes.data, v.ctypes.data)
+
+
+@kernel
+def energy_of(m: Mechanism, v: Reals) -> float:
+    """The energy at velocities v (n,), where the data are; inf of what has run away."""
+    put_momentum(m, v, m.momentum)
+    mj_energyPos(m.address[MODEL], m.address[DATA])
+    energy = m.energy[0]
+    for i in range(len(v)):
+        energy += 0.5 * v[i] * m.momentum[i]
+    return math.inf if math.isnan(energy) else float(energy)
+
+
+@contract.fill.given_by(Mechanism)
+@kernel
+def fill_for_step(
+    m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: Ints, fresh: Ints, driving: Reals
+) -> int:
+    count = fill_terms(m, moment, terms, reach, slots, fresh)
+    copy(m.loads.actuators.driving, driving)
+    return count
+
+
+@contract.integrate.given_by(Mechanism)
+@kernel
+def integrate(m: Mechanism, q: Reals, v: Reals, h: float, after: Reals) -> None:
+    copy(q, after)
+    mj_integratePos(m.address[MODEL], after.ctypes.data, v.ctypes.data, h)
+
+
+@contract.least_gap.given_by(Mechanism)
+@kernel
+def least_gap_at(m: Mechanism, q: Reals) -> float:
+    put_at(m, q)
+    return float(m.least[0])
+
+
+@contract.fastest.given_by(Mechanism)
+@kernel
+def fastest_at(m: Mechanism, _q: Reals, v: Reals) -> float:
+    return 2.0 * fastest_point(m.reaches, m.vectors, v, m.lengths)
+
+
+@contract.tell_laws.given_by(Mechanism)
+@kernel
+def tell_no_laws(_m: Mechanism, _trial: Any, _at_start: bool) -> None:
+    """A model whose contacts have further laws is stepped in plain Python."""
+
+
+@contract.passes.given_by(Mechanism)
+@kernel
+def may_go_through(m: Mechanism, q: Reals, v: Reals, h: float) -> bool:
+    """Whether v may lead anything through another within h of q (n_q,), where the data are."""
     model, data, contacts, shapes = m.address[MODEL], m.address[DATA], m.finder.contacts, m.finder.shapes
+    if not put_at(m, q):
+        return True
     deep = max(-m.least[0], 0.0)
     if not may_pass(contacts, shapes, m.rates, v, h, deep):
-        return 0
+        return False
     first, span = 0.0, 1.0
     _take_frames(m, m.begun)
     for _ in range(LOOKS):
         end = min(1.0, first + span)
-        copy(q, m.after)
-        mj_integratePos(model, m.after.ctypes.data, v.ctypes.data, h * end)
+        integrate(m, q, v, h * end, m.after)
         copy(m.after, m.q)
         m.current[0] = 0
         mj_kinematics(model, data)
         _take_frames(m, m.ended)
         clear = is_clear(contacts, shapes, m.rates, v, h * (end - first), deep, m.begun, m.ended)
         if clear and end == 1.0:
-            return 0
+            return False
         if clear:
             if not put_at(m, m.after):
-                return NO_ROOM
+                return True
             first = end
             _take_frames(m, m.begun)
         span *= 2.0 if clear else 0.5
-    return 1
+    return True
 
 
 @inner_kernel
