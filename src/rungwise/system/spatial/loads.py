@@ -303,8 +303,8 @@ def fill_symmetric(rows: Rows, matrix: Reals) -> None:
 def _fill_yielding(of: Loads, terms: Terms) -> None:
     """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
     joints, n = of.joints, len(of.taken)
-    for i in range(n):
-        for j in range(n):
+    for i in range(n):  # all else is zero since these terms were made
+        for j in range(of.stretch[i, 0], of.stretch[i, 1]):
             terms.damping[i, j] = terms.stiffness[i, j] = 0.0
         terms.damping[i, i], terms.stiffness[i, i] = joints.damping[i], joints.stiffness[i]
     for k in range(len(joints.drag) if joints.any[DRAGS] else 0):

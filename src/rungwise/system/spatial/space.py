@@ -200,7 +200,7 @@ class Space:
         named = laws_named(self.laws.named, self._laws_of)
         self.size = Size(
             m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
-            m.nv >= CROWDED, named, skewed(m),
+            m.nv >= CROWDED, named, skewed(m), self.room + limit_count(self.limited),
         )  # fmt: skip
         self.falls = self.loads.falls
         self.activation = self.begun.copy()

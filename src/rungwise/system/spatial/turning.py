@@ -28,6 +28,10 @@ PART, NOTHING = 0.05, 1e-9
 remark is made; and over the potential itself, up to which it is rounding. The first is held by
 tests/simulation/spatial/test_turning.py."""
 
+LOST = 0.5
+"""Energy lost, over the same, from which on it is told: less is left than was lost. As a run begins, steps of
+first order lose more than `PART` of what little there is."""
+
 
 @dataclass
 class Turning:
@@ -86,9 +90,8 @@ class Turning:
     def remarks(self) -> tuple[str, ...]:
         """A line where the energy gained is much."""
         size = self.energy + self.high - self.low
-        if math.isfinite(self.most) and not abs(self.most) > max(
-            PART * size, NOTHING * max(abs(self.high), abs(self.low))
-        ):
+        part, rounding = PART if self.most > 0.0 else LOST, NOTHING * max(abs(self.high), abs(self.low))
+        if math.isfinite(self.most) and not abs(self.most) > max(part * size, rounding):
             return ()
         what = "gained" if self.most > 0.0 else "lost"
         return (
