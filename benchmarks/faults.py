@@ -179,9 +179,9 @@ FAULTS = (
         "a deformation without force relaxes by theta", True,
     ),
     Fault(
-        "step-gap-sign", "src/rungwise/simulation/core/stepper.py",
-        "terms.gap[:count] -= h * terms.rows", "terms.gap[:count] += h * terms.rows", _CORE,
-        "the gap's advance with the wrong sign in the stepper", True,
+        "step-gap-sign", "src/rungwise/simulation/core/attempt.py",
+        "terms.gap[k] -= h * rate(", "terms.gap[k] += h * rate(", _CORE,
+        "the gap's advance with the wrong sign in the attempt", True,
     ),
     Fault(
         "step-half-error", "src/rungwise/simulation/core/stepper.py",
@@ -484,6 +484,27 @@ FAULTS = (
         "state.impulse[slot, i] += h * state.force[slot, i]",
         "state.impulse[slot, i] = h * state.force[slot, i]", _CORE,
         "impulses are those of the last step alone", True,
+    ),
+    Fault(
+        "beyond-a-piece", "src/rungwise/system/planar/contact_manifold.py",
+        "if elsewhere or not ours or",
+        "if not ours or",
+        ("tests/system/planar/test_seams.py",),
+        "a piece touches what is level with its face, beyond its end, and beside another piece",
+    ),
+    Fault(
+        "corner-of-the-other", "src/rungwise/system/planar/contact_manifold.py",
+        "is_corner(of_b, nx, ny, outline, chains) and is_corner(of_a, -nx, -ny, outline, chains)",
+        "is_corner(of_a, nx, ny, outline, chains) and is_corner(of_b, -nx, -ny, outline, chains)",
+        ("tests/system/planar/test_seams.py",),
+        "corners that pieces share touch nothing",
+    ),
+    Fault(
+        "tie-by-rounding", "src/rungwise/system/planar/contact_manifold.py",
+        "if of_a[0] >= of_b[0] - slack:",
+        "if of_a[0] >= of_b[0]:",
+        ("tests/simulation/test_outlines.py",),
+        "rounding decides which of two faces keeps bodies apart where corner meets corner",
     ),
     Fault(
         "jam-told-late", "src/rungwise/simulation/planar/loop.py",

@@ -7,7 +7,7 @@ FOLDER holds problem files (FCLIB, Siconos text, ContactBench); without it, ../s
 Stacks and piles of boxes are generated in any case; `--write` writes them (FCLIB). Everything is solved to a
 residual of 1e-8, and times are medians of N repeats, in microseconds of the processor.
 
-  residual  the worse of the unit-free violations of laws and the imbalance; the status, where it is not solved
+  residual  the worse of the unit-free violations of laws and the imbalance; the status, where not solved
   total     `rw.solve` of a problem never seen, from the problem as it was given to its judged answer
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million

@@ -557,3 +557,15 @@ def test_many_velocities_without_inertia_are_unsupported_without_a_word(
     assert found.status == "unsupported" and found.certificate is not None
     assert check(scaled(found.problem), found.certificate)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("small", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_contact_that_hardly_asks_for_anything_is_heard_beside_one_that_asks_for_much(small: float) -> None:
+    """Without a force for it the laws do not hold, however little its rate is beside that of the other."""
+    problem = rw.Problem.local(np.eye(6), [-1.0, 0.0, 0.0, -small, 0.0, 0.0], [0.5, 0.5])
+    unheard, heard = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, small, 0.0, 0.0])
+    assert judge(problem, scaled(problem), unheard).worst > 1e-3
+    assert judge(problem, scaled(problem), heard).worst < 1e-12
+    found = rw.solve(problem, start=unheard)
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.x, heard, rtol=1e-8, atol=1e-20)

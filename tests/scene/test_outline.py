@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from shapely.ops import split
 
 import rungwise as rw
 from rungwise.scene.drawings.outline import convex_pieces
@@ -105,3 +106,61 @@ def test_a_star_comes_to_rest_on_two_of_its_points(model: rw.Rung) -> None:
     # Two points of the five at one height: an odd multiple of 18 degrees.
     assert math.degrees(run.final["star"]["angle"]) % 72 == pytest.approx(18.0, abs=1e-3)
     assert run.final["star"]["y"] == pytest.approx(math.cos(math.radians(36)), abs=1e-4)
+
+
+def square(x: float, y: float, width: float = 1.0, height: float = 1.0) -> dict[str, Any]:
+    return {"kind": "box", "width": width, "height": height, "at": [x, y]}
+
+
+def bound(shapes: Any, **fields: Any) -> Any:
+    body = {"role": "object", "shape": shapes, "motion": {"kind": "free"}}
+    return rw.load({"name": "part", "bodies": {"part": body}} | fields).bind().records
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_an_outline_is_the_same_however_it_is_cut(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    outline = star(int(rng.integers(3, 8)), 0.0, rng)
+    whole = shapely.Polygon(outline)
+    pieces = [whole]
+    for angle, y in rng.uniform(0.0, 1.0, (3, 2)):
+        c, s = math.cos(math.pi * angle), math.sin(math.pi * angle)
+        line = shapely.LineString([(-2.0 * c, y - 0.5 - 2.0 * s), (2.0 * c, y - 0.5 + 2.0 * s)])
+        pieces = [part for piece in pieces for part in split(piece, line).geoms]
+    shapes = [{"kind": "outline", "vertices": list(piece.exterior.coords)[:-1]} for piece in pieces]
+    one, many = (bound(shape).vertices for shape in ({"kind": "outline", "vertices": outline}, shapes[::-1]))
+    for field in ("x", "y", "normal_x", "normal_y"):
+        assert many[field] == pytest.approx(one[field], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "vertices"),
+    [
+        ([square(0, 0), square(1, 0)], 4),
+        ([square(0, 0), square(1, 0), square(0, 1)], 8),
+        ([square(0, 0), square(0.9, 0)], 8),
+        ([square(0, 0), square(1.1, 0)], 8),
+        ([square(0, 0), square(1, 1)], 8),
+        ([square(0, 0), {"kind": "disc", "radius": 0.5, "at": [1.0, 0.0]}], 5),
+        ([square(0, 0), square(1, 0) | {"radius": 0.1}], 8),
+        ([square(0, 0), square(1, 0, "a")], 8),
+    ],
+    ids=["one box", "corner", "overlap", "apart", "point", "disc", "rounded", "expression"],
+)
+def test_which_shapes_are_pieces_of_one_outline(shapes: Any, vertices: int) -> None:
+    """Those with known numbers that share a stretch of their edges, and no area; mass is the same."""
+    records = bound(shapes, parameters={"a": {"default": 1.0}})
+    assert len(records.vertices) == vertices
+    assert records.bodies[0]["mass"] == pytest.approx(sum(mass(shape) for shape in shapes))
+
+
+def mass(shape: dict[str, Any]) -> float:
+    return float(bound(shape, parameters={"a": {"default": 1.0}}).bodies[0]["mass"])
+
+
+def test_boxes_around_a_hole_leave_it_open() -> None:
+    frame = [square(0, 1, 3), square(0, -1, 3), square(-1, 0), square(1, 0)]
+    records = bound(frame)
+    centres = {(float(v["x"]), float(v["y"])) for v in records.vertices}
+    assert records.bodies[0]["mass"] == pytest.approx(8.0)
+    assert {(abs(round(x, 9)), abs(round(y, 9))) for x, y in centres} == {(0.5, 0.5), (1.5, 1.5)}

@@ -46,7 +46,11 @@ class Planar:
         points, features = np.zeros((2, 5)), np.zeros(2, np.int64)
         a, b = (int(self.records.pairs[pair][field]) for field in ("shape_a", "shape_b"))
         count = manifold(
-            self.records.shapes[a], self.records.shapes[b], self.outline, Found(points, features)
+            self.records.shapes[a],
+            self.records.shapes[b],
+            self.outline,
+            self.seams.alone,
+            Found(points, features),
         )
         return points[:count], [int(feature) for feature in features[:count]]
 

@@ -65,3 +65,44 @@ def test_points_are_those_of_one_piece(planar: Callable[..., Any], kind: str, ma
             expected, found = points(plain, q), points(seamed, q)
             assert found.shape == expected.shape
             assert found == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["shapes", "bodies"])
+def test_slanted_seams_make_no_points(planar: Callable[..., Any], kind: str) -> None:
+    """A slab cut from its corner, or anywhere, below or beside a slider that may be deeper than its top."""
+    rng = np.random.default_rng(len(kind))
+    one = {"f": {"role": "obstacle", "shape": box(0.0, 3.0, -0.5, 0.0)}}
+    for k in range(30):
+        top = 3.0 if k % 2 else float(rng.uniform(2.0, 2.9))
+        low = float(rng.uniform(0.1, 2.9))
+        left = [[0.0, -0.5], [low, -0.5], [top, 0.0], [0.0, 0.0]]
+        right = [[low, -0.5], [3.0, -0.5], [3.0, 0.0], [top, 0.0]][: 4 - k % 2]
+        # A rounding of nothing keeps the pieces apart when the scene is loaded.
+        shapes = [{"kind": "polygon", "vertices": side, "radius": "none"} for side in (left, right)]
+        floor = {f"f{n}": {"role": "obstacle", "shape": shape} for n, shape in enumerate(shapes)}
+        if kind == "shapes":
+            floor = {"f": {"role": "obstacle", "shape": shapes}}
+        part = FREE | {"shape": box(-0.2, 0.2, 0.0, 0.3)}
+        seamed = planar({**floor, "part": part}, parameters={"none": {"default": 0.0}})
+        plain = planar({**one, "part": part})
+        for _ in range(20):
+            tilt = float(rng.choice([0.0, rng.uniform(-0.3, 0.3)]))
+            over = np.array([rng.uniform(1.5, 3.2), float(rng.choice([0.0, -1e-6, rng.uniform(0, 0.01)]))])
+            beside = np.array([3.2 + float(rng.choice([0.0, rng.uniform(0, 0.01)])), rng.uniform(-0.2, 0.02)])
+            x, y = (over, beside)[int(rng.integers(2))]
+            q = np.array([x, y + 0.2 * abs(np.sin(tilt)) * (x < 3.2), tilt * (x < 3.2)])
+            expected, found = points(plain, q), points(seamed, q)
+            assert found.shape == expected.shape, (k, q, expected, found)
+            assert found == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_piece_touches_no_level_face_beside_it(planar: Callable[..., Any]) -> None:
+    """A slider in two pieces that stands on one of two tables of the same height."""
+    tables = [box(0.0, 1.0, -0.5, 0.0), box(2.0, 3.0, -0.5, 0.0)]
+    floor = {"f": {"role": "obstacle", "shape": tables}}
+    pieces = [box(-0.2, 0.1, 0.0, 0.3) | {"radius": "none"}, box(0.1, 0.2, 0.0, 0.3) | {"radius": "none"}]
+    seamed = planar({**floor, "part": FREE | {"shape": pieces}}, parameters={"none": {"default": 0.0}})
+    plain = planar({**floor, "part": FREE | {"shape": box(-0.2, 0.2, 0.0, 0.3)}})
+    for x in (0.5, 0.95, 2.1, 2.5):
+        q = np.array([x, 0.0, 0.0])
+        assert points(seamed, q) == pytest.approx(points(plain, q), abs=1e-12)

@@ -308,6 +308,7 @@ def descend(
     lengths: int,
     most: int,
     goal: float,
+    size: float,
     x: Reals,
     v: Reals,
     xc: Reals,
@@ -316,10 +317,10 @@ def descend(
     halt: Ints,
     count: Ints,
 ) -> float:
-    """Take at most so many Newton steps, each of the first of so many lengths, halved one by one, that lets
-    the map fall (whole steps, if one), until its size is within `goal`, or falls along none of them, or halt
-    (1,) is set. Returns the size; count[0] counts the steps."""
-    size = evaluate(g, weight, smooth, x, v, xc, vc, room)
+    """From where the map has just been evaluated, with the square of its size, take at most so many Newton
+    steps, each of the first of so many lengths, halved one by one, that lets the map fall (whole steps, if
+    one), until its size is within `goal`, or falls along none of them, or halt (1,) is set. Returns the size;
+    count[0] counts the steps."""
     for step in range(most):
         if size == 0.0 or (step > 0 and not size > goal * goal) or halt[0] != 0:
             break

@@ -147,7 +147,8 @@ def _balance(g: Groups, x: Reals, v: Reals, room: Room, halt: Ints, count: Ints)
     least = math.inf
     for _ in range(CORRECTIONS):
         copy(x, room.centre_x)
-        descend(g, GUESS, 0.0, 1, 1, 0.0, x, v, room.centre_x, room.centre_v, room, halt, count)
+        size = evaluate(g, GUESS, 0.0, x, v, room.centre_x, room.centre_v, room)
+        descend(g, GUESS, 0.0, 1, 1, 0.0, size, x, v, room.centre_x, room.centre_v, room, halt, count)
         _clear(v)
         found = measure(g, x, v, room)
         if found <= NOTHING or not found < 0.5 * least:
@@ -300,7 +301,6 @@ def _approach(
     least, found = _note(g, x, v, room), 0.0
     weight, held, falls, bare, tried = WEIGHT, 0, True, False, False
     set_pace(g, by, room)
-    size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
     for problem in range(PROBLEMS):
         stalls = problem > 0 and (room.least[0] <= GOAL or not falls)
         if stalls and not tried and room.least[0] <= TOLERANCE:
@@ -321,7 +321,7 @@ def _approach(
         if bare:
             _clear(room.hold)
         diverged = found == math.inf
-        found, solved = _solve_about(g, weight, guess, size, x, v, room, halt, count)
+        found, solved = _solve_about(g, weight, guess, x, v, room, halt, count)
         if diverged and found == math.inf:
             break
         if guess:
@@ -343,9 +343,7 @@ def _approach(
             weight = max(CHANGE * weight, LEAST)
         held = max(held - 1, 0)
         if by == BY_ITERATE:
-            measure(g, x, v, room)
             set_pace(g, by, room)
-        size = math.sqrt(evaluate(g, 0.0, 0.0, x, v, x, v, room))
 
 
 @kernel
@@ -353,7 +351,6 @@ def _solve_about(
     g: Groups,
     weight: float,
     guess: bool,
-    size: float,
     x: Reals,
     v: Reals,
     room: Room,
@@ -361,20 +358,23 @@ def _solve_about(
     count: Ints,
 ) -> tuple[float, bool]:
     """Solve the proximal problem about (x, v), into these: by whole steps, and where these cycle with a line
-    search. Returns the residual, and whether the map, of this `size` before, is solved; else (x, v) are as
-    they were."""
+    search. Returns the residual, and whether the map is solved; else (x, v) are as they were. What is solved
+    is what was measured last."""
     xc, vc = room.centre_x, room.centre_v
     count[1] += 1
     copy(x, xc)
     copy(v, vc)
+    before = evaluate(g, weight, 0.0, x, v, xc, vc, room)
+    size = math.sqrt(before)
     goal = max(0.01 * min(weight, 1.0) * size, ROUNDING * max(1.0, _greatest(x)))
     enough = max(goal, 0.1 * size)
     steps = GUESSES if guess else STEPS
-    reached = descend(g, weight, 0.0, 1, steps, goal, x, v, xc, vc, room, halt, count)
+    reached = descend(g, weight, 0.0, 1, steps, goal, before, x, v, xc, vc, room, halt, count)
     if not guess and not reached <= enough:
         copy(xc, x)
         copy(vc, v)
-        reached = descend(g, weight, 0.0, LENGTHS, steps, goal, x, v, xc, vc, room, halt, count)
+        before = evaluate(g, weight, 0.0, x, v, xc, vc, room)
+        reached = descend(g, weight, 0.0, LENGTHS, steps, goal, before, x, v, xc, vc, room, halt, count)
     found = _note(g, x, v, room)
     solved = found <= ENOUGH or reached <= enough
     if not solved:
@@ -397,7 +397,8 @@ def _follow(g: Groups, by: int, x: Reals, v: Reals, room: Room, halt: Ints, coun
         if _ends(halt, count):
             break
         goal = 0.1 * smooth
-        if descend(g, LEAST, smooth, LENGTHS, SHORT, goal, x, v, xc, vc, room, halt, count) <= smooth:
+        size = evaluate(g, LEAST, smooth, x, v, xc, vc, room)
+        if descend(g, LEAST, smooth, LENGTHS, SHORT, goal, size, x, v, xc, vc, room, halt, count) <= smooth:
             copy(x, xc)
             copy(v, vc)
             if smooth <= FINEST:

@@ -7,6 +7,7 @@ from itertools import chain, islice
 
 import numpy as np
 
+from rungwise.scene.drawings.flush import loops_of, merged
 from rungwise.scene.drawings.outline import convex_pieces
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.fields import Coordinate, Hinge, SceneFile, Slide, conversions_of
@@ -193,28 +194,47 @@ class _Builder:
         self.writer.drive("coordinates", index, given.drive, f"{path}.drive")
 
     def _convex_shapes(self, name: str) -> Iterator[tuple[str, Shape]]:
-        """The body's shapes with the paths of their fields, outlines in convex pieces."""
+        """The body's shapes with the paths of their fields, those that lie flush as one outline, outlines in
+        convex pieces. Whether shapes lie flush is known where all their numbers are."""
         body = self.scene.bodies[name]
-        for index, shape in enumerate(body.shapes):
-            path = f"bodies.{name}.shape" + (f".{index}" if isinstance(body.shape, tuple) else "")
-            if not isinstance(shape, Outline):
-                yield path, shape
-                continue
-            places = self._places(shape.vertices, f"{path}.vertices")
-            holes = [self._places(hole, f"{path}.holes.{k}") for k, hole in enumerate(shape.holes)]
-            try:
-                pieces = convex_pieces(places, holes)
-            except ValueError as error:
-                raise SceneError(f"{path}: {error}") from None
-            all_vertices = [*shape.vertices, *chain.from_iterable(shape.holes)]
-            for piece in pieces:
-                vertices = tuple(all_vertices[k] for k in piece)
-                yield (
-                    path,
-                    Polygon.model_construct(
-                        kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle
+        shapes = body.shapes
+        paths = [
+            f"bodies.{name}.shape" + (f".{k}" if isinstance(body.shape, tuple) else "")
+            for k in range(len(shapes))
+        ]
+        known = {k: loops for k, shape in enumerate(shapes) if (loops := loops_of(shape)) is not None}
+        numbers = list(known)
+        groups = {numbers[group[0]]: (group, loops) for group, loops in merged(list(known.values()))}
+        for k, shape in enumerate(shapes):
+            group, loops = groups.get(k, ([], []))
+            if len(group) > 1 or (group and isinstance(shape, Outline)):
+                outer, *holes = (tuple(loop) for loop in loops)
+                yield from self._pieces(
+                    Outline.model_construct(
+                        kind="outline", vertices=outer, holes=tuple(holes), at=(0.0, 0.0), angle=0.0
                     ),
+                    paths[k],
                 )
+            elif group or k not in known:
+                yield from (
+                    self._pieces(shape, paths[k]) if isinstance(shape, Outline) else [(paths[k], shape)]
+                )
+
+    def _pieces(self, shape: Outline, path: str) -> Iterator[tuple[str, Shape]]:
+        """An outline in convex pieces."""
+        places = self._places(shape.vertices, f"{path}.vertices")
+        holes = [self._places(hole, f"{path}.holes.{k}") for k, hole in enumerate(shape.holes)]
+        try:
+            pieces = convex_pieces(places, holes)
+        except ValueError as error:
+            raise SceneError(f"{path}: {error}") from None
+        all_vertices = [*shape.vertices, *chain.from_iterable(shape.holes)]
+        for piece in pieces:
+            vertices = tuple(all_vertices[k] for k in piece)
+            yield (
+                path,
+                Polygon.model_construct(kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle),
+            )
 
     def _places(self, vertices: Sequence[Pair], path: str) -> list[tuple[float, float]]:
         return [

@@ -17,7 +17,6 @@ from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.entries import Velocities
 from rungwise.models.limit import (
     STIR,
-    greatest_load,
     limit_inertia,
 )
 from rungwise.simulation.core.balance import is_balanced
@@ -84,7 +83,10 @@ def _solve_or_hold(trial: Trial) -> int:
 def _is_pressed(terms: Terms, state: State) -> bool:
     """Whether loads, or drives whose force has a limit, may hold bodies against each other."""
     clock = state.clock[0]
-    return bool(clock.limited > 0 or greatest_load(terms, clock.free, state.free)[0] > 0.0)
+    pressed: bool = clock.limited > 0
+    for i in range(clock.free):
+        pressed |= terms.load[state.free[i]] != 0.0
+    return bool(pressed)
 
 
 @kernel

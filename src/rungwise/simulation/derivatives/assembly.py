@@ -169,10 +169,12 @@ class Assembly(Steps):
     def _is_carried(self, before: Ints, after: Ints, old: int, new: int) -> bool:
         """Whether the feature of slot `old` has come to slot `new` of another pair over a seam."""
         seams = self.workspace.seams
-        if old // 2 == new // 2 or not seams.joined[0] or after[new] == ABSENT:
+        if old // 2 == new // 2 or not seams.outlines.joined[0] or after[new] == ABSENT:
             return False
         fresh = after[new] not in before[new - new % 2 : new - new % 2 + 2]
-        return bool(fresh and is_continued(before[old], after[new], self.state.placed.outline, seams))
+        return bool(
+            fresh and is_continued(before[old], after[new], self.state.placed.outline, seams.outlines)
+        )
 
     def put(self, start: Start) -> None:
         """Place the bodies and look for contacts."""

@@ -5,6 +5,10 @@ the other lies over that edge, the gap is their distance; a second point is the 
 which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever
 body is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices
 are closest. Features name existing vertices, even where coordinates are not finite.
+
+Shapes that lie flush are pieces of one outline (`chains`). A point of the outline belongs to the pair of the
+shape with its vertex and the shape with the part of the face below that vertex, so that pairs share the
+points of a shape in one piece.
 """
 
 from __future__ import annotations
@@ -19,6 +23,19 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
 from rungwise.scene.template.records import HALFPLANE, Records
 from rungwise.system.entries import CROWDED
+from rungwise.system.planar.chains import (
+    FLUSH,
+    PLAIN,
+    Chains,
+    face_of,
+    facing_edge,
+    is_admitted,
+    is_corner,
+    is_over,
+    is_own,
+    least_of_face,
+)
+from rungwise.system.planar.edges import TIE, along, are_parallel, height, span
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
@@ -31,11 +48,6 @@ VERTICES = 1 << 20
 more."""
 LIFTED, LANDED = 1, 2
 """One body of a contact is raised above the other, off the plane; or was a look ago, and is no more."""
-TIE = 1e-9
-"""Distance that counts as zero, over the length of an edge or overlap. Chosen by trial, to a decade, far
-above rounding."""
-_OPPOSED = -0.995
-"""Cosine between the normals of faces that count as parallel: within 0.1 rad, chosen by trial."""
 
 
 class Manifolds(Block):
@@ -134,29 +146,41 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
 
 
 @kernel
-def manifold(a: Record, b: Record, outline: Reals, found: Found) -> int:
+def manifold(a: Record, b: Record, outline: Reals, chains: Chains, found: Found) -> int:
     """Find the points of shapes a and b; returns how many there are."""
     found.features[0] = found.features[1] = ABSENT
     of_a, of_b = _best_edge(a, b, outline), _best_edge(b, a, outline)
     if of_a[1] < 0 and of_b[1] < 0:
-        return closest_vertices(Sides(b, a, 1.0, outline), found)
-    if of_a[0] >= of_b[0]:
-        return _from_edge(Sides(a, b, -1.0, outline), of_a, found)
-    return _from_edge(Sides(b, a, 1.0, outline), of_b, found)
+        return _closest_vertices(Sides(b, a, 1.0, outline), chains, found)
+    apart = max(of_a[0], of_b[0])
+    if chains.joined[0] != 0:
+        inside = max(_inside(a, b, outline, chains), _inside(b, a, outline, chains))
+        of_a = _best_of_outline(a, b, inside, outline, chains)
+        of_b = _best_of_outline(b, a, inside, outline, chains)
+        if of_a[1] < 0 and of_b[1] < 0:
+            return 0
+    slack = FLUSH * min(a.reach, b.reach)
+    elsewhere = chains.joined[0] != 0 and apart > slack
+    if of_a[0] >= of_b[0] - slack:
+        count = _from_edge(Sides(a, b, -1.0, outline), of_a, elsewhere, chains, found)
+    else:
+        count = _from_edge(Sides(b, a, 1.0, outline), of_b, elsewhere, chains, found)
+    return _drop_overlaps(count, -slack - a.radius - b.radius, found) if elsewhere else count
+
+
+@inner_kernel
+def _edge_count(shape: Record, other: Record) -> int:
+    """How many edges of `shape` may separate it from `other`."""
+    if other.kind == HALFPLANE or shape.end - shape.first == 1:
+        return 0
+    return 1 if shape.kind == HALFPLANE else shape.end - shape.first
 
 
 @kernel
 def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int, int]:
-    """The `Separation` of `shape` from `other`."""
+    """The `Separation` of `shape` from `other`, the two by themselves."""
     best, best_edge, best_vertex = -math.inf, -1, -1
-    if other.kind == HALFPLANE:
-        return best, best_edge, best_vertex
-    first, count = shape.first, shape.end - shape.first
-    if count == 1:
-        return best, best_edge, best_vertex
-    if shape.kind == HALFPLANE:
-        count = 1
-    for i in range(first, first + count):
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
         least, deepest = deepest_vertex(i, other, outline)
         if least > best:
             best, best_edge, best_vertex = least, i, deepest
@@ -175,44 +199,118 @@ def deepest_vertex(edge: int, other: Record, outline: Reals) -> tuple[float, int
 
 
 @kernel
-def _from_edge(sides: Sides, best: Separation, found: Found) -> int:
-    """Points on the best edge of the shape: ends of the stretch where it faces the nearest edge of the
-    other."""
+def _inside(shape: Record, other: Record, outline: Reals, chains: Chains) -> float:
+    """Gap to the best separating edge of `shape` that the outline rules out."""
+    best = -math.inf
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = deepest_vertex(i, other, outline)
+        if not is_admitted(i, deepest, shape, other, outline, chains):
+            best = max(best, least)
+    return best
+
+
+@kernel
+def _best_of_outline(
+    shape: Record, other: Record, inside: float, outline: Reals, chains: Chains
+) -> tuple[float, int, int]:
+    """The `Separation` of `shape` from the piece of `other`, by an edge that the outline admits.
+
+    Where an edge that the outline rules out separates better (its gap is `inside`), the overlapping shape has
+    come through the neighbour, and an edge below which it is deeper than the middle lies on the far side.
+    """
+    best, best_edge, best_vertex = -math.inf, -1, -1
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = deepest_vertex(i, other, outline)
+        if not is_admitted(i, deepest, shape, other, outline, chains):
+            continue
+        if least < min(inside, 0.0) and shape.kind != HALFPLANE and least < _middle(i, shape, outline):
+            continue
+        if chains.corner[deepest] != PLAIN:
+            least = min(least, least_of_face(i, deepest, outline, chains))
+        if least > best:
+            best, best_edge, best_vertex = least, i, deepest
+    return best, best_edge, best_vertex
+
+
+@kernel
+def _middle(i: int, shape: Record, outline: Reals) -> float:
+    """Height of the mean of the vertices over edge i of the shape."""
+    total = 0.0
+    for j in range(shape.first, shape.end):
+        total += height(i, j, outline)
+    return total / (shape.end - shape.first)
+
+
+@kernel
+def _from_edge(sides: Sides, best: Separation, elsewhere: bool, chains: Chains, found: Found) -> int:
+    """Points on the best edge of the shape: ends of the stretch where its whole face and the one that faces
+    it lie beside each other. Of shapes that are apart by an edge between pieces, what overlaps beyond the
+    ends of faces touches `elsewhere`."""
     shape, other, outline = sides.shape, sides.other, sides.outline
     (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
+    plane = shape.kind == HALFPLANE
     if other.end - other.first == 1:
-        if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
-            return closest_vertices(sides, found)
+        if (apart or elsewhere) and not plane and not is_over(edge, vertex, outline, chains):
+            return _closest_vertices(sides, chains, found) if apart else 0
+        if _is_beyond_seam(edge, vertex, plane, outline, chains):
+            return 0
         features[0] = put(edge, vertex, sides, points[0])
         return 1
-    facing = more_opposed(edge, vertex_before(other, vertex), vertex, outline)
-    faces = edge, facing, facing, next_vertex(other, facing), edge, next_vertex(shape, edge)
-    over = _ends_over(shape, faces, outline)
+    facing = facing_edge(edge, vertex, outline, chains)
+    first, last = face_of(facing, chains)
+    start, end = face_of(edge, chains)
+    faces = edge, facing, first, last, start, end
+    over = _ends_over(plane, faces, outline, chains)
+    nearest = vertex
+    if chains.joined[0] != 0:
+        nearest = first if height(edge, first, outline) <= height(edge, last, outline) else last
+        gap = height(edge, nearest, outline)
     near = over
     if gap > 0.0:
-        start = over[2] and _is_over(other, facing, faces[4], outline)
-        near = over[0], over[1], start, over[3] and _is_over(other, facing, faces[5], outline)
-    first, least = lowest_end(near, faces, outline)
-    if first >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, vertex, outline)):
-        features[0] = put_end(first, faces, sides, points[0])
-        _, nearest = end_of(first, faces)
+        at_start = over[2] and is_over(facing, start, outline, chains)
+        near = over[0], over[1], at_start, over[3] and is_over(facing, end, outline, chains)
+    deepest, least = lowest_end(near, faces, outline)
+    if deepest >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, nearest, outline)):
+        count = _put_own_end(deepest, faces, sides, chains, found, 0)
+        _, nearest = end_of(deepest, faces)
+        least -= shape.radius + other.radius
     elif apart:
-        closest_vertices(sides, found)
+        count = _closest_vertices(sides, chains, found)
+        deepest, least = -1, points[0, GAP]
         if not are_parallel(edge, facing, outline):
-            return 1
-        first, nearest = -1, vertex
+            return count
     else:
-        features[0] = put(edge, vertex, sides, points[0])
+        ours = other.first <= nearest < other.end
+        if elsewhere or not ours or _is_beyond_seam(edge, nearest, plane, outline, chains):
+            return 0
+        features[0] = put(edge, nearest, sides, points[0])
         return 1
-    second = other_end(first, nearest, over, faces, outline)
+    second = other_end(deepest, nearest, over, faces, outline)
     if second < 0:
-        return 1
-    features[1] = put_end(second, faces, sides, points[1])
-    if gap > 0.0 and points[1, GAP] < points[0, GAP] - TIE * span(edge, vertex, outline):
-        features[1] = ABSENT
-        return 1
-    return 2
+        return count
+    both = _put_own_end(second, faces, sides, chains, found, count)
+    if gap > 0.0 and both > count and points[count, GAP] < least - TIE * span(edge, nearest, outline):
+        features[count] = ABSENT
+        return count
+    return both
+
+
+@kernel
+def _drop_overlaps(count: int, least: float, found: Found) -> int:
+    """Leave out points with gaps below `least`: between shapes that are apart these points belong to
+    others."""
+    points, features = found
+    kept = 0
+    for k in range(count):
+        if points[k, GAP] >= least:
+            for i in range(points.shape[1]):
+                points[kept, i] = points[k, i]
+            features[kept] = features[k]
+            kept += 1
+    for k in range(kept, 2):
+        features[k] = ABSENT
+    return kept
 
 
 @inner_kernel
@@ -252,32 +350,15 @@ def has_area(shape: Record) -> bool:
 
 
 @kernel
-def are_parallel(edge: int, facing: int, outline: Reals) -> bool:
-    """Whether the edges may come to lie flat on each other.
-
-    Were the end of one edge held outside the other at any angle, a vertex that slides off the edge would be
-    kicked.
-    """
-    return outline[edge, 2] * outline[facing, 2] + outline[edge, 3] * outline[facing, 3] < _OPPOSED
-
-
-@kernel
-def span(edge: int, vertex: int, outline: Reals) -> float:
-    """A length to measure ties by: the distance of the vertex from the edge's start."""
-    return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
-
-
-@kernel
-def _ends_over(shape: Record, faces: Faces, outline: Reals) -> tuple[bool, bool, bool, bool]:
-    """Which candidates of `end_of` are over the other's edge."""
-    edge, facing, first, last, _, end = faces
-    if shape.kind == HALFPLANE:
+def _ends_over(plane: bool, faces: Faces, outline: Reals, chains: Chains) -> tuple[bool, bool, bool, bool]:
+    """Which candidates of `end_of` are over the other's whole face."""
+    edge, facing, first, last, start, end = faces
+    if plane:
         return True, True, False, False
     if not are_parallel(edge, facing, outline):
-        first_over, last_over = _is_over(shape, edge, first, outline), _is_over(shape, edge, last, outline)
-        return first_over, last_over, False, False
-    far, near = along(edge, first, outline), along(edge, last, outline)
-    return ends_of_overlap(0.0, along(edge, end, outline), near, far)
+        return is_over(edge, first, outline, chains), is_over(edge, last, outline, chains), False, False
+    low, high = along(edge, start, outline), along(edge, end, outline)
+    return ends_of_overlap(low, high, along(edge, last, outline), along(edge, first, outline))
 
 
 @kernel
@@ -301,54 +382,23 @@ def end_of(k: int, faces: Faces) -> tuple[int, int]:
 
 
 @kernel
-def _is_over(shape: Record, edge: int, vertex: int, outline: Reals) -> bool:
-    """Whether the vertex projects onto the edge; ends of aligned edges, which rounding moves, are over it."""
-    place, length = along(edge, vertex, outline), along(edge, next_vertex(shape, edge), outline)
-    return place >= -TIE * length and place <= length + TIE * length
-
-
-@inner_kernel
-def next_vertex(shape: Record, vertex: int) -> int:
-    """The vertex after this one; edges begin at the vertex whose number they bear."""
-    return vertex + 1 if vertex + 1 < shape.end else shape.first
-
-
-@inner_kernel
-def vertex_before(shape: Record, vertex: int) -> int:
-    """The vertex before this one, at which the edge to it begins."""
-    return vertex - 1 if vertex > shape.first else shape.end - 1
-
-
-@inner_kernel
-def along(edge: int, vertex: int, outline: Reals) -> float:
-    """Place of the vertex along the edge, from its start."""
-    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
-    return outline[edge, 2] * dy - outline[edge, 3] * dx
-
-
-@inner_kernel
-def height(edge: int, vertex: int, outline: Reals) -> float:
-    """Distance of the vertex from the line of the edge, positive outside."""
-    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
-    return outline[edge, 2] * dx + outline[edge, 3] * dy
+def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, chains: Chains) -> bool:
+    return not plane and not is_own(edge, vertex, outline, chains)
 
 
 @kernel
-def more_opposed(edge: int, before: int, after: int, outline: Reals) -> int:
-    """The one of two edges whose normal is more opposed to that of `edge`; `after` if they are alike."""
-    nx, ny = outline[edge, 2], outline[edge, 3]
-    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[after, 2] + ny * outline[after, 3]:
-        return before
-    return after
-
-
-@kernel
-def put_end(k: int, faces: Faces, sides: Sides, point: Reals) -> int:
-    """Write the point of candidate k; returns its feature."""
+def _put_own_end(k: int, faces: Faces, sides: Sides, chains: Chains, found: Found, at: int) -> int:
+    """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
+    shape, other, sign, outline = sides
     edge, vertex = end_of(k, faces)
-    if k < 2:
-        return put(edge, vertex, sides, point)
-    return put(edge, vertex, Sides(sides.other, sides.shape, -sides.sign, sides.outline), point)
+    if k >= 2:
+        shape, other, sign = other, shape, -sign
+    if chains.joined[0] != 0:
+        ours = other.first <= vertex < other.end and shape.first <= edge < shape.end
+        if not ours or _is_beyond_seam(edge, vertex, sides.shape.kind == HALFPLANE, outline, chains):
+            return at
+    found.features[at] = put(edge, vertex, Sides(shape, other, sign, outline), found.points[at])
+    return at + 1
 
 
 @inner_kernel
@@ -365,7 +415,7 @@ def put(edge: int, vertex: int, sides: Sides, point: Reals) -> int:
 
 
 @kernel
-def closest_vertices(sides: Sides, found: Found) -> int:
+def _put_closest(sides: Sides, found: Found) -> int:
     """The two vertices nearest to each other."""
     (shape, other, sign, outline), (points, features) = sides, found
     least, first, second = math.inf, shape.first, other.first
@@ -391,3 +441,17 @@ def closest_vertices(sides: Sides, found: Found) -> int:
     if sign < 0.0:
         features[0] = (VERTICES + second) * VERTICES + first
     return 1
+
+
+@kernel
+def _closest_vertices(sides: Sides, chains: Chains, found: Found) -> int:
+    """The two vertices nearest to each other, where they are corners of the common pieces and face each
+    other."""
+    _put_closest(sides, found)
+    (points, features), outline = found, sides.outline
+    of_b, of_a = features[0] // VERTICES - VERTICES, features[0] % VERTICES
+    nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
+    if is_corner(of_b, nx, ny, outline, chains) and is_corner(of_a, -nx, -ny, outline, chains):
+        return 1
+    features[0] = ABSENT
+    return 0

@@ -18,6 +18,9 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.template.records import HALFPLANE, Records
+from rungwise.system.planar.chains import (
+    FLUSH,
+)
 from rungwise.system.planar.contact_manifold import (
     ABSENT,
     GAP,
@@ -29,13 +32,14 @@ from rungwise.system.planar.contact_manifold import (
     Found,
     Manifolds,
     Sides,
-    along,
     manifold,
     put,
 )
-from rungwise.system.planar.joined import joined_manifold
+from rungwise.system.planar.edges import (
+    along,
+)
 from rungwise.system.planar.place import Placement, X, Y, allocate_placement, coordinate_count, lever, turns
-from rungwise.system.planar.seams import FLUSH, Seams
+from rungwise.system.planar.seams import Seams
 
 LOOKS = 8
 """Places at which a pair is looked at on its way to where it touches; the last one counts."""
@@ -139,10 +143,8 @@ def touching_face(
     nx, ny, missed = points[0, NORMAL_X], points[0, NORMAL_Y], False
     for _ in range(LOOKS):
         _place_ahead(a, b, records, placed, time, seamed, course)
-        if seamed:
-            count = joined_manifold(a, b, course.placed.outline, seams, ahead)
-        else:
-            count = manifold(a, b, course.placed.outline, ahead)
+        chains = seams.outlines if seamed else seams.alone
+        count = manifold(a, b, course.placed.outline, chains, ahead)
         if count == 0:
             return
         if _is_one_face(nx, ny, course.points[0]):
@@ -201,7 +203,7 @@ def _is_met(
     vx, vy = _velocity(own.body, x, y, pose, course)
     slip = outline[edge, 2] * (uy - vy) - outline[edge, 3] * (ux - vx)
     place, margin = along(edge, vertex, outline) + time * slip, SOFT * (a.width + b.width)
-    return margin < place < along(edge, seams.ends[edge], outline) - margin
+    return margin < place < along(edge, seams.outlines.ends[edge], outline) - margin
 
 
 @kernel

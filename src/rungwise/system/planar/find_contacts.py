@@ -10,6 +10,9 @@ import math
 
 from rungwise.kernel import Reals, Record, kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, Records
+from rungwise.system.planar.chains import (
+    Chains,
+)
 from rungwise.system.planar.contact_manifold import (
     ABSENT,
     GAP,
@@ -18,13 +21,14 @@ from rungwise.system.planar.contact_manifold import (
     VERTICES,
     Found,
     Manifolds,
-    are_parallel,
     manifold,
+)
+from rungwise.system.planar.corners import Course, crosses, set_course, touching_face
+from rungwise.system.planar.edges import (
+    are_parallel,
     next_vertex,
     vertex_before,
 )
-from rungwise.system.planar.corners import Course, crosses, set_course, touching_face
-from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.near import forget_gaps, forget_slot, is_listed, list_near, near_pairs, pair_at
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
@@ -54,7 +58,7 @@ def find_contacts(
     for c in range(manifolds.lifted.shape[0]):
         lies = LANDED if manifolds.lifted[c] == LIFTED else 0
         manifolds.lifted[c] = LIFTED if records.contacts[c].raised > 0.0 else lies
-    if seams.joined[0] != 0:
+    if seams.outlines.joined[0] != 0:
         keep_slots(manifolds, seams)
     for i in range(near_pairs(manifolds, pairs.shape[0])):
         p = pair_at(manifolds, i)
@@ -65,7 +69,7 @@ def find_contacts(
         if raised > 0.0:
             forget_slot(slot, manifolds)
             forget_slot(slot + 1, manifolds)
-            beside = max(_distance(slot, a, b, outline, manifolds), 0.0)
+            beside = max(_distance(slot, a, b, outline, manifolds, seams.alone), 0.0)
             gaps[contact] = min(gaps[contact], math.hypot(beside, raised))
             continue
         gap = 0.0 if records.contacts[contact].watched else _distance_of_circles(a, b, placed)
@@ -75,13 +79,13 @@ def find_contacts(
         else:
             points = manifolds.points[slot : slot + 2]
             found = Found(points, fresh)
-            count = manifold(a, b, outline, found)
+            count = manifold(a, b, outline, seams.alone, found)
             gap = points[0, GAP]
             if count == 2:
                 gap = min(gap, points[1, GAP])
             seamed = seams.seamed[pairs[p].shape_a] != 0 or seams.seamed[pairs[p].shape_b] != 0
-            if seamed and not continue_each_other(a, b, seams):
-                count = joined_manifold(a, b, outline, seams, found)
+            if seamed and not continue_each_other(a, b, seams.outlines):
+                count = manifold(a, b, outline, seams.outlines, found)
                 for k in range(count):
                     gap = min(gap, points[k, GAP])
             if course.horizon[0] > 0.0 and gap <= margin:
@@ -91,16 +95,16 @@ def find_contacts(
             _follow(slot, a, b, outline, manifolds)
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)
-    if seams.joined[0] != 0:
+    if seams.outlines.joined[0] != 0:
         carry_over(manifolds, outline, seams)
     return least
 
 
 @rare_kernel
-def _distance(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifolds) -> float:
+def _distance(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifolds, chains: Chains) -> float:
     """The gap in the plane of two shapes, one of which is raised."""
     points = manifolds.points[slot : slot + 2]
-    count = manifold(a, b, outline, Found(points, manifolds.fresh))
+    count = manifold(a, b, outline, chains, Found(points, manifolds.fresh))
     gap = points[0, GAP]
     return float(min(gap, points[1, GAP]) if count == 2 else gap)
 

@@ -96,7 +96,8 @@ def _least_distance(
     overlap: along the axis that separates them at `begin`, at rest or carried with one of the bodies."""
     state, scratch = workspace.state, workspace.scratch
     _place_pair(records, a, b, workspace, begin)
-    manifold(a, b, state.placed.outline, Found(scratch.probe, state.manifolds.fresh))
+    found = Found(scratch.probe, state.manifolds.fresh)
+    manifold(a, b, state.placed.outline, workspace.seams.alone, found)
     nx, ny = scratch.probe[0, NORMAL_X], scratch.probe[0, NORMAL_Y]
     first = _distance(a, b, nx, ny, workspace)
     x, y = _between(a, b, workspace)

@@ -12,7 +12,8 @@ import math
 from rungwise.kernel import Ints, Reals, inner_kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.workspace import Workspace
-from rungwise.system.planar.contact_manifold import ABSENT, VERTICES, height
+from rungwise.system.planar.contact_manifold import ABSENT, VERTICES
+from rungwise.system.planar.edges import height
 
 STRAY = 0.1
 """Gap at the end of a step, over the smallest shape's reach, of contacts that carried load in it, from which

@@ -158,8 +158,8 @@ def closes(workspace: Workspace) -> bool:
 def mode_at_start(slot: int, workspace: Workspace) -> int:
     """Mode in the kept state of the contact that is in the slot now."""
     state, kept = workspace.state, workspace.kept
-    if workspace.seams.joined[0] == 0:
+    if workspace.seams.outlines.joined[0] == 0:
         return int(kept.modes[slot])
     return mode_before(
-        slot, state.manifolds, kept.features, kept.modes, state.placed.outline, workspace.seams
+        slot, state.manifolds, kept.features, kept.modes, state.placed.outline, workspace.seams.outlines
     )
