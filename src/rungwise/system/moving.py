@@ -68,7 +68,8 @@ class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
     each other before one can be through the other; whether terms say where their entries are; further laws of
-    its contacts, None where they have none; and whether friction may differ by direction."""
+    its contacts, None where they have none; whether friction may differ by direction; and how many contacts
+    may be within reach at once, None where as many as there are slots."""
 
     coordinates: int
     velocities: int
@@ -80,6 +81,7 @@ class Size:
     crowded: bool = False
     laws: FurtherLaws | None = None
     skewed: bool = False
+    at_once: int | None = None
 
 
 class Crowded(InputError):

@@ -65,16 +65,3 @@ def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make:
     reason, attempts = _end(simulation)
     assert 1_000 < attempts < 101_000
     assert "the error of longer ones" in reason and "ball" in reason
-
-
-@pytest.mark.few(5)
-@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
-@pytest.mark.parametrize("speed", [1e2, 1e3, 1e5])
-def test_joined_bodies_that_turn_far_in_each_step_end(make: Make, rung: Rung, speed: float) -> None:
-    arm = (
-        '<body pos="{} 0 0"><joint name="{}" axis="0 0 1"/><geom type="box" size=".3 .03 .03" pos=".3 0 0"/>'
-    )
-    bodies = arm.format(0, "a") + arm.format(0.6, "b") + "</body></body>"
-    scene = make(world(bodies, before=NO_GRAVITY), start={"velocities": {"body1.a": speed}})
-    reason, attempts = _end(SpaceSimulation(scene, rung, step=0.1, duration=100.0))
-    assert attempts < 2000 and "smaller step" in reason

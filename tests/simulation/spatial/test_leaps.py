@@ -110,3 +110,35 @@ def test_heavy_stacks_on_soft_contacts_sink_in_topple_or_stand(make: Make, seed:
         make(world(FLOOR, bodies), contacts=[law]), rw.QUASISTATIC_COMPLIANT, duration=0.1, step=1e-2
     )
     assert found.outcome in (Code.TIMEOUT, Code.MODEL_INVALID, Code.UNSUPPORTED)
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_arms_that_servos_lead_through_air_take_their_steps_beside_a_small_body(
+    make: Make, seed: int, rung: Rung
+) -> None:
+    """By more than the body's size in each; a step in which they first sag may be shorter."""
+    random = np.random.default_rng(seed)
+    half, speed, drive = random.uniform(1e-3, 4e-3), random.uniform(0.5, 2.0), seed % 3
+    arm = (
+        '<body name="arm" pos="0 0 .5"><joint name="j" axis="0 0 1"/><geom type="capsule"'
+        ' fromto="0 0 0 .5 0 0" size=".02" mass="1"/><body pos=".5 0 0"><joint name="k" axis="0 1 0"/>'
+        '<geom type="capsule"'
+        ' fromto="0 0 0 .3 0 0" size=".02" mass=".5" contype="2"/></body></body>'
+    )
+    servo = '<position joint="{}" name="{}" kp="2000" kv="{}"{}/>'
+    more = "" if drive else ' forcerange="-200 200"'
+    motors = "".join(
+        f'<velocity joint="{name}" name="{name}" kv="200"/>'
+        if drive == 1
+        else servo.format(name, name, random.uniform(10.0, 200.0), more)
+        for name in "jk"
+    )
+    told: dict[str, object] = {"j": speed if drive == 1 else f"{speed} * t", "k": 0.0}
+    cube = free("cube", f".3 .6 {half}", f'type="box" size="{half} {half} {half}" density="1000"')
+    scene = make(world(FLOOR, cube, arm, after=f"<actuator>{motors}</actuator>"), controls=told)
+    steps = 60
+    found = rw.simulate(scene, rung, duration=1e-2 * steps, step=1e-2)
+    assert found.outcome.name == "timeout" and found.steps <= steps + 4, found
+    assert found.final["arm"]["j"] == pytest.approx(speed * 1e-2 * steps, rel=0.25)

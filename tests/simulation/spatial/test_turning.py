@@ -94,3 +94,26 @@ def test_arms_that_are_followed_gain_nothing_worth_telling(make: Make, rung: Run
     ball = '<body pos="0 0 3"><freejoint name="f"/><geom type="box" size=".1 .2 .3"/></body>'
     tumbles = make(world(FLOOR, ball), start={"velocities": {"body1.rx": 30.0}}, duration=0.3)
     assert run(tumbles, rung, step=0.1).notes == ()
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+@pytest.mark.parametrize("speed", [1e2, 1e3, 1e5])
+def test_joined_bodies_that_turn_far_in_each_step_do_not_run_away(
+    make: Make, rung: Rung, speed: float
+) -> None:
+    """By ten to ten thousand radians: where they are is not known, and that is told."""
+    arm = (
+        '<body pos="{} 0 0"><joint name="{}" axis="0 0 1"/><geom type="box" size=".3 .03 .03" pos=".3 0 0"/>'
+    )
+    bodies = arm.format(0, "a") + arm.format(0.6, "b") + "</body></body>"
+    before = '<option gravity="0 0 0"/>'
+    scene = make(world(bodies, before=before), start={"velocities": {"body1.a": speed}})
+    simulation = SpaceSimulation(scene, rung, step=0.1, duration=100.0)
+    stepper, most = simulation.stepper, 0.0
+    assert stepper is not None
+    whole = simulation.space.energy(stepper.q, stepper.v)
+    while simulation.advance():
+        most = max(most, simulation.space.energy(stepper.q, stepper.v))
+    assert stepper.attempts < 2000 and most <= 1.01 * whole
+    assert any("turn so far" in note for note in simulation.result().notes)

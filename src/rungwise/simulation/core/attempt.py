@@ -25,7 +25,7 @@ from rungwise.kernel import (
     record_type,
     system_kernel,
 )
-from rungwise.simulation.core.balance import keep_near, pushes_far
+from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
 from rungwise.simulation.core.overlap import least_allowed, open_added
 from rungwise.simulation.core.state import Scratch, State, Trial
@@ -64,8 +64,8 @@ class Attempt(Block):
     """note (1,); q (n_q,) where steps begin, and `trial` (n_q,), where the velocities of the attempt lead;
     v (n,): these, or how fast things would move if the attempt is refused; fell (n,): what weight gave them;
     falls (n,): accelerations by weight; slots, fresh (s,): of the contacts of the terms; places (k, n_q) and
-    ways (k, n): where terms were linearised, and the velocities that led there. pace, led, fastest, solved
-    (n,) are scratch."""
+    ways (k, n): where terms were linearised, and the velocities that led there. pace, led, fastest, solved,
+    asked (n,) are scratch."""
 
     note: RecordArray
     q: Reals
@@ -81,6 +81,7 @@ class Attempt(Block):
     led: Reals
     fastest: Reals
     solved: Reals
+    asked: Reals
 
 
 def allocate_attempt(size: Size, falls: Reals, within: float) -> Attempt:
@@ -93,7 +94,7 @@ def allocate_attempt(size: Size, falls: Reals, within: float) -> Attempt:
         note=note, q=np.zeros(n_q), trial=np.zeros(n_q), v=np.zeros(n), fell=np.zeros(n), falls=falls.copy(),
         slots=np.zeros(size.slots, np.int64), fresh=np.zeros(size.slots, np.int64),
         places=np.zeros((LINEARISATIONS, n_q)), ways=np.zeros((LINEARISATIONS, n)), pace=np.zeros(n),
-        led=np.zeros(n), fastest=np.zeros(n), solved=np.zeros(n),
+        led=np.zeros(n), fastest=np.zeros(n), solved=np.zeros(n), asked=np.zeros(n),
     )  # fmt: skip
 
 
@@ -203,14 +204,16 @@ def _walk(system: Any, s: Setting, h: float, way: float, reach: float) -> int:
 
     What nothing holds where the step begins would come to rest against whatever lies in its way, however
     far. So the contacts that are closed, or that driven motion closes in the step, have to balance the
-    loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing.
-    One that does not leads out of balance: it settles, because loads or drives have jumped, or goes on
-    (`Stepper.snaps_on`).
+    loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing,
+    unless servos lead it: their speed bounds it. One that does not leads out of balance: it settles, because
+    loads or drives have jumped, or goes on (`Stepper.snaps_on`).
     """
     state, scratch, a = s.state, s.scratch, s.attempt
     note = a.note[0]
     copy(scratch.v_new, a.solved)
     driven, near = h * fastest(system, a.q, state.speed), NEAR * note.length
+    ask_speeds(trial_of(s, h), a.asked)
+    asked = h * fastest(system, a.q, a.asked)
     lone = pushes_far(trial_of(s, h), near)
     if lone:
         note.contacts = keep_near(trial_of(s, h), near)
@@ -228,11 +231,12 @@ def _walk(system: Any, s: Setting, h: float, way: float, reach: float) -> int:
         if status == HALTED:
             return status
         moved = SHORTER * h * fastest(system, a.q, scratch.v_new)
-        if status == SUPPORTED and moved < 0.5 * way:
+        vanishes = status == SUPPORTED and moved < 0.5 * way
+        if vanishes and way > DRIVEN * asked:
             note.outran, note.far, note.cause = 1, 0.5 * way, FAR
             copy(a.solved, a.v)
             return UNSOLVED
-        note.leaping = 0.5 * way
+        note.leaping = 0.0 if vanishes else 0.5 * way
     if (far or lone) and _solve(s, h) == HALTED:
         return HALTED
     return SUPPORTED

@@ -176,6 +176,25 @@ def _held(trial: Trial, a: int) -> float:
 
 
 @kernel
+def ask_speeds(trial: Trial, asked: Reals) -> None:
+    """Fill asked (n,) with how fast coordinates move, at most, where servos that are within their limits in
+    the solution move them by no force: what these lead is as good as driven."""
+    terms, state = trial.terms, trial.state
+    for a in range(asked.shape[0]):
+        asked[a] = abs(state.speed[a])
+    for r in range(state.clock[0].limited):
+        gain, square = _gain(trial, r), 0.0
+        if gain == 0.0:
+            continue
+        for i in range(state.clock[0].free):
+            square += terms.limited[r, state.free[i]] ** 2
+        force = terms.gains[r, 0] * terms.error[r, 0] + terms.gains[r, 1] * terms.error[r, 1]
+        for i in range(state.clock[0].free):
+            a = state.free[i]
+            asked[a] = max(asked[a], abs(terms.limited[r, a] * force) / (gain * square))
+
+
+@kernel
 def _gain(trial: Trial, r: int) -> float:
     """Force per rate of limited row r, where it is a servo within its limit; else 0."""
     terms = trial.terms

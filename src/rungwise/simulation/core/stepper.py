@@ -111,8 +111,15 @@ class Stepper:
         self._further = None if size.laws is None else Further(size.laws, n)
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
         self.scratch = Scratch(**scratch_arrays(n, size.slots, limited, d=d) | {"impact": impact})
-        self.terms = allocate_terms(n, size.slots, limited, d, size.crowded, skewed=size.skewed)
-        self.problem = allocate_problem(n, size.slots, limited, d)
+        most = size.slots if size.at_once is None else size.at_once
+        try:
+            self.terms = allocate_terms(n, most, limited, d, size.crowded, skewed=size.skewed)
+            self.problem = allocate_problem(n, most, limited, d)
+        except MemoryError:
+            raise Crowded(
+                f"scene: rows of {most} contacts by {n} velocities, twice, do not fit into memory; take fewer"
+                " bodies that move, or fewer or simpler geoms that may touch"
+            ) from None
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf

@@ -234,6 +234,12 @@ def fill_loads(of: Loads, moment: Moment, terms: Terms) -> None:
         for i in range(terms.entries.matrices.shape[0]):
             terms.entries.matrices[i, 0], terms.entries.matrices[i, 1] = of.stretch[i, 0], of.stretch[i, 1]
         of.joints.filled[0] = terms.damping.ctypes.data
+    fill_fall(of, terms)
+
+
+@kernel
+def fill_fall(of: Loads, terms: Terms) -> None:
+    """Fill in the accelerations without contacts."""
     if len(of.order) == 0:
         mj_solveM(of.address[MODEL], of.address[DATA], terms.fall.ctypes.data, terms.load.ctypes.data, 1)
     else:
@@ -297,8 +303,8 @@ def fill_symmetric(rows: Rows, matrix: Reals) -> None:
 def _fill_yielding(of: Loads, terms: Terms) -> None:
     """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
     joints, n = of.joints, len(of.taken)
-    for i in range(n):
-        for j in range(n):
+    for i in range(n):  # all else is zero since these terms were made
+        for j in range(of.stretch[i, 0], of.stretch[i, 1]):
             terms.damping[i, j] = terms.stiffness[i, j] = 0.0
         terms.damping[i, i], terms.stiffness[i, i] = joints.damping[i], joints.stiffness[i]
     for k in range(len(joints.drag) if joints.any[DRAGS] else 0):

@@ -60,6 +60,7 @@ from rungwise.system.spatial.patch.contacts import Contacts, Finder, look
 from rungwise.system.spatial.patch.shapes import Frames, shapes, thinnest
 from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
 from rungwise.system.spatial.resting import Resting
+from rungwise.system.spatial.rotors import Rotors, rotors, turn_joined
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ class Mechanism(Block):
     tendon_margin: Reals
     finder: Finder
     loads: Loads
+    rotors: Rotors
     limited: Limited
     solids: Solids
     rates: Rates
@@ -187,6 +189,7 @@ class Space:
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.room, self.most = room, 2 * room
         self.loads = loads(m, self.data, self.drives, self.pace)
+        self.rotors = rotors(m, self.loads.joined)
         self.limited = limited(m, self.data, self.drives, self.lever, self.solids.free, self.most)
         slots, rows = self.most + limit_count(self.limited), int(self.data.ne + self.data.nf)
         self._features = allocate_features(self.most), allocate_features(self.most)
@@ -197,7 +200,7 @@ class Space:
         named = laws_named(self.laws.named, self._laws_of)
         self.size = Size(
             m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
-            m.nv >= CROWDED, named, skewed(m),
+            m.nv >= CROWDED, named, skewed(m), self.room + limit_count(self.limited),
         )  # fmt: skip
         self.falls = self.loads.falls
         self.activation = self.begun.copy()
@@ -215,8 +218,9 @@ class Space:
             "margin": self._margin, "least": self._least, "near": self._near,
             "room": np.array([self.room]), "joint_margin": m.jnt_margin,
             "joint_lever": self.lever[m.jnt_dofadr], "tendon_margin": m.tendon_margin,
-            "finder": self.contacts.finder, "loads": self.loads, "limited": self.limited,
-            "solids": self.solids, "rates": rates(m, self.reaches), "reaches": self.reaches, "vectors": which,
+            "finder": self.contacts.finder, "loads": self.loads, "rotors": self.rotors,
+            "limited": self.limited, "solids": self.solids, "rates": rates(m, self.reaches),
+            "reaches": self.reaches, "vectors": which,
         }  # fmt: skip
         rest: dict[str, Any] = {
             "energy": data.energy, "momentum": np.zeros(m.nv), "after": np.zeros(m.nq),
@@ -465,6 +469,8 @@ def fill_terms(m: Mechanism, moment: Moment, terms: Terms, reach: float, slots: 
         return -1
     fill_loads(m.loads, moment, terms)
     fill_limited(m.limited, m.loads.actuators, not moment.metric, terms)
+    if moment.inertia > 0.0 and len(m.rotors.trees) > 0:
+        turn_joined(m.rotors, m.loads, moment, terms)
     known = fill_contacts(m.finder.contacts, m.solids, m.kept, m.found, reach, m.room[0], terms, slots, fresh)
     if known < 0:
         look_within(m, near)

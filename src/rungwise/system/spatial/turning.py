@@ -1,7 +1,7 @@
-"""Joined bodies that turn far in a step: the energy that they gain because forces change on the way.
+"""Joined bodies that turn far in a step: the energy that they gain or lose because forces change on the way.
 
-A step from q and v to q' and v' takes inertial forces and weight, p(q, v), where it begins, as in
-M (v' - v) = h (f - p). With kinetic energy T and the weight's potential V it adds
+A step from q and v to q' and v' takes weight where it begins, and inertial forces with v and v' (see
+`rotors`), p, as in M (v' - v) = h (f - p). With kinetic energy T and the weight's potential V it adds
 
     T(q', v') - v'.M v' / 2 - T(q, v) + v.M v / 2 + V(q') - V(q) - h p.(v + v') / 2
 
@@ -28,12 +28,16 @@ PART, NOTHING = 0.05, 1e-9
 remark is made; and over the potential itself, up to which it is rounding. The first is held by
 tests/simulation/spatial/test_turning.py."""
 
+LOST = 0.5
+"""Energy lost, over the same, from which on it is told: less is left than was lost. As a run begins, steps of
+first order lose more than `PART` of what little there is."""
+
 
 @dataclass
 class Turning:
     """Of the joined bodies of a run in `space`, on a rung that keeps the part `eps` of inertia: the energy
-    gained in its steps and the most that it was, the greatest kinetic energy, and the least and the greatest
-    potential."""
+    gained in its steps, and the most that was gained or lost, the greatest kinetic energy, and the least and
+    the greatest potential."""
 
     space: Space
     eps: float
@@ -67,7 +71,10 @@ class Turning:
         self._look(q, v)
         work = self._change(terms.inertia, self.space.loads.taken, self._old, self._new, self.eps, h)
         self.gained += self._kinetic + self._height - before - work
-        self.most = max(self.most, self.gained) if math.isfinite(self.gained) else math.inf
+        if abs(self.gained) > abs(self.most):
+            self.most = self.gained
+        if not math.isfinite(self.gained):
+            self.most = math.inf
 
     def _look(self, q: Reals, v: Reals) -> None:
         """Take over velocities of joined bodies, their kinetic energy, and the potential of their weight."""
@@ -83,14 +90,14 @@ class Turning:
     def remarks(self) -> tuple[str, ...]:
         """A line where the energy gained is much."""
         size = self.energy + self.high - self.low
-        if math.isfinite(self.most) and not self.most > max(
-            PART * size, NOTHING * max(abs(self.high), abs(self.low))
-        ):
+        part, rounding = PART if self.most > 0.0 else LOST, NOTHING * max(abs(self.high), abs(self.low))
+        if math.isfinite(self.most) and not abs(self.most) > max(part * size, rounding):
             return ()
+        what = "gained" if self.most > 0.0 else "lost"
         return (
-            f"step: joined bodies turn so far in a step that they gained up to {self.most:.3g} of energy by"
-            f" it, beside {size:.3g} at most: inertial forces and weight are those where a step begins; a"
-            " shorter step, or tol, follows them",
+            f"step: joined bodies turn so far in a step that they {what} up to {abs(self.most):.3g} of energy"
+            f" by it, beside {size:.3g} at most: weight is that where a step begins, and inertial forces"
+            " those of its middle; a shorter step, or tol, follows them",
         )
 
 
