@@ -609,4 +609,22 @@ FAULTS = (
         "own.inheritrange = 1.0", "own.inheritrange = 0.0",
         ("tests/scene/test_parts.py",), "targets of servos may leave the range of their joints",
     ),
+    Fault(
+        "mesh-level", "src/rungwise/scene/space/meshes/solid.py", "LEVEL = 0.02", "LEVEL = 0.5",
+        ("tests/simulation/spatial/test_solids.py",), "meshes with deep dents count as convex",
+    ),
+    Fault(
+        "void-as-solid", "src/rungwise/scene/space/meshes/solid.py",
+        "voids[around[0]].append(k)", "voids[k] = []",
+        ("tests/simulation/spatial/test_solids.py",), "a void in a mesh is no part of the solid around it",
+    ),
+    Fault(
+        "piece-mass", "src/rungwise/scene/space/meshes/pieces.py", "piece.mass = 0.0", "piece.mass = 1.0",
+        ("tests/simulation/spatial/test_meshes.py",), "pieces of a mesh have mass beside the mesh's own",
+    ),
+    Fault(
+        "hull-stays", "src/rungwise/scene/space/meshes/pieces.py",
+        "geom.contype = geom.conaffinity = 0", "geom.contype = 0",
+        ("tests/simulation/spatial/test_meshes.py",), "the hull of a mesh touches beside its pieces",
+    ),
 )  # fmt: skip

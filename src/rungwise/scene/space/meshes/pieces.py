@@ -183,7 +183,9 @@ def _replace(
 def _remark(found: list[Concave], counts: list[int]) -> str:
     told = [f"{count} convex pieces for {each}" for each, count in zip(found[:TOLD], counts, strict=False)]
     more = f"; {sum(counts[TOLD:])} for {len(found) - TOLD} geoms more" if len(found) > TOLD else ""
-    return f"model: meshes that are not convex: {'; '.join(told)}{more}"
+    return (
+        f"model: meshes that are not convex: {'; '.join(told)}{more} (model.meshes of a scene can take hulls)"
+    )
 
 
 def _refusal(undone: list[tuple[Concave, str]]) -> str:
