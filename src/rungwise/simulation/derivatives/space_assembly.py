@@ -38,6 +38,7 @@ from rungwise.simulation.options import ModelError, moving_rung, positive
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.system.spatial.features import FREE
+from rungwise.system.spatial.loads import let_act
 
 _BENT = 1e-2
 """Difference of slopes to both sides that counts as two, over the slope of what moves along."""
@@ -179,8 +180,8 @@ class SpaceAssembly(Steps):
         raise ModelError("step: it could not be repeated")
 
     def _memory(self, held: SpaceHeld, start: Start) -> Data:
-        drives, control = self._system.drives, self._system.control
-        activation = drives.activated(start.activation, control, self.h)
+        system, activation = self._system, start.activation.copy()
+        let_act(system.loads.actuators, system.control, start.activation, self.h, activation)
         return {"activation": activation, "tangent": self._tangents(held)}
 
     def _tangents(self, held: SpaceHeld) -> Array:

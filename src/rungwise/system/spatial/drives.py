@@ -8,7 +8,6 @@ range of force that is not symmetric is a load in its middle and a symmetric ran
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,41 +41,17 @@ class Drives:
     middle: Reals
     limit: Reals
 
-    def control(self, given: Reals) -> Reals:
-        """Controls (a,) within their ranges."""
-        return np.asarray(np.clip(given, *self._controls))
-
-    @cached_property
-    def _controls(self) -> tuple[Reals, Reals]:
+    def control_ranges(self) -> tuple[Reals, Reals]:
+        """The least and the greatest control of each actuator (a,)."""
         m = self.model
         low = np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 0], -np.inf)
         return low, np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 1], np.inf)
 
-    def acting(self, control: Reals, activation: Reals) -> Reals:
-        """What actuators act by (a,): controls within their ranges, and the activation (k,) of those that
-        have one."""
-        found = self.control(control)
-        found[self._lasting] = activation
-        return found
-
-    def activated(self, activation: Reals, control: Reals, h: float) -> Reals:
-        """Activations (k,) after a time h at these controls: of a filter, and of an integrator, exactly."""
-        m, own = self.model, self._lasting
-        if not len(own):
-            return activation
-        told = self.control(control)[own]
-        constant = np.maximum(m.actuator_dynprm[own, 0], np.finfo(float).tiny)
-        filtered = activation - (told - activation) * np.expm1(-h / constant)
-        after = np.where(m.actuator_dyntype[own] == INTEGRATOR, activation + h * told, filtered)
-        limited = m.actuator_actlimited[own] != 0
-        low, high = m.actuator_actrange[own].T
-        return np.asarray(np.where(limited, np.clip(after, low, high), after))
-
-    @cached_property
-    def _lasting(self) -> Ints:
-        """Actuators with an activation, in the order of these."""
-        own = np.flatnonzero(self.model.actuator_dyntype)
-        return own[np.argsort(self.model.actuator_actadr[own])]
+    def activation_ranges(self) -> tuple[Reals, Reals]:
+        """The least and the greatest activation of each actuator (a,)."""
+        m = self.model
+        low = np.where(m.actuator_actlimited, m.actuator_actrange[:, 0], -np.inf)
+        return low, np.where(m.actuator_actlimited, m.actuator_actrange[:, 1], np.inf)
 
     def constant(self, acting: Reals) -> Reals:
         """Forces (a,) without length and rate, of what actuators act by (see `acting`)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from rungwise.contact.linear import factorise, substitute
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.mujoco_model import of_unit_mass
 from rungwise.system.moving import Moment
-from rungwise.system.spatial.drives import Drives
+from rungwise.system.spatial.drives import INTEGRATOR, Drives
 from rungwise.system.spatial.native import (
     DATA,
     MODEL,
@@ -60,10 +61,19 @@ class Joints(Block):
 
 
 class Actuators(Block):
-    """acting (a,): what actuators act by; gain, bias, middle and limit (a,) of their force (see `Drives`),
+    """controls (a, 2), activations (a, 2): ranges of these; activated (a,): where the activation of each is
+    among all, -1 without; kind (a,): MuJoCo's number of how it follows the control, and constant (a,) the
+    time of a filter.
+
+    acting (a,): what actuators act by; gain, bias, middle and limit (a,) of their force (see `Drives`),
     and whether each is a servo; rows that MuJoCo has, and as a matrix, moment (a, n); driving (n,): the part
     of the load that they are."""
 
+    controls: Reals
+    activations: Reals
+    activated: Ints
+    kind: Ints
+    constant: Reals
     acting: Reals
     gain: Reals
     bias: Reals
@@ -115,6 +125,8 @@ class Loads(Block):
     order: Ints
 
 
+TINY = 2.0**-1022
+"""Time of a filter at least: the smallest normal number."""
 SPRINGS, DRAGS, TENDONS = range(3)
 """Places in `Joints.any`."""
 
@@ -134,7 +146,12 @@ def loads(model: mujoco.MjModel, data: mujoco.MjData, drives: Drives, pace: Real
     )  # fmt: skip
     servo = np.zeros(m.nu, np.int64)
     servo[drives.servos] = 1
+    lasting, activated = np.flatnonzero(m.actuator_dyntype), np.full(m.nu, -1)
+    activated[lasting[np.argsort(m.actuator_actadr[lasting])]] = np.arange(len(lasting))
     actuators = Actuators(
+        controls=np.stack(drives.control_ranges(), axis=1),
+        activations=np.stack(drives.activation_ranges(), axis=1), activated=activated,
+        kind=m.actuator_dyntype.astype(np.int64), constant=np.array(m.actuator_dynprm[:, 0]),
         acting=np.zeros(m.nu), gain=np.array(m.actuator_gainprm[:, 0]), bias=np.array(drives.bias),
         middle=np.array(drives.middle), limit=np.array(drives.limit), servo=servo,
         rows=Rows(
@@ -205,6 +222,25 @@ def _stretches(m: mujoco.MjModel, drags: bool) -> Ints:
         return np.tile(np.array([0, m.nv]), (m.nv, 1))
     first = m.tree_dofadr[m.dof_treeid]
     return np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
+
+
+@kernel
+def let_act(a: Actuators, control: Reals, activation: Reals, h: float, after: Reals) -> None:
+    """Fill what actuators act by at the end of a step of length h, at controls (a,) and activations (k,): the
+    controls within their ranges, or activations after it, of a filter and of an integrator exactly; these
+    are filled into after (k,), which may be the same array."""
+    for i in range(len(a.acting)):
+        told = min(max(control[i], a.controls[i, 0]), a.controls[i, 1])
+        at = a.activated[i]
+        if at >= 0:
+            now = activation[at]
+            if a.kind[i] == INTEGRATOR:
+                told = now + h * told
+            else:
+                told = now - (told - now) * math.expm1(-h / max(a.constant[i], TINY))
+            told = min(max(told, a.activations[i, 0]), a.activations[i, 1])
+            after[at] = told
+        a.acting[i] = told
 
 
 @kernel

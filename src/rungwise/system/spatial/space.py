@@ -39,7 +39,7 @@ from rungwise.system.spatial.limited import (
     passed_rows,
     violations,
 )
-from rungwise.system.spatial.loads import Loads, fill_loads, loads, unit_masses, with_unit_masses
+from rungwise.system.spatial.loads import Loads, fill_loads, let_act, loads, unit_masses, with_unit_masses
 from rungwise.system.spatial.native import (
     DATA,
     MODEL,
@@ -204,6 +204,7 @@ class Space:
         )  # fmt: skip
         self.falls = self.loads.falls
         self.activation = self.begun.copy()
+        self._let_act, self._expected = steady(let_act), self.begun.copy()
         self._put_at, self._fill, self._passes = steady(put_at), steady(fill_terms), steady(may_go_through)
         self._fastest_point, self._energy = steady(fastest_point), steady(energy_of)
         self.forget()
@@ -393,13 +394,11 @@ class Space:
 
     def expect(self, h: float) -> None:
         """Let actuators act as they do at the end of a step of length h."""
-        drives = self.drives
-        acting = drives.acting(self.control, drives.activated(self.activation, self.control, h))
-        self.loads.actuators.acting[:] = acting
+        self._let_act(self.loads.actuators, self.control, self.activation, h, self._expected)
 
     def took(self, h: float) -> None:
         """Let activations go on by a step of length h that was taken."""
-        self.activation[:] = self.drives.activated(self.activation, self.control, h)
+        self._let_act(self.loads.actuators, self.control, self.activation, h, self.activation)
 
     @property
     def margin(self) -> float:
