@@ -100,8 +100,8 @@ class Stepper:
 
     def __post_init__(self) -> None:
         size = self.system.size
-        if self.rung.inertia == 0.0 and hasattr(self.system, "know_unit_masses"):
-            self.system.know_unit_masses()
+        if hasattr(self.system, "prepare"):
+            self.system.prepare(self.rung.inertia)
         n, d = size.velocities, size.directions
         self.q, v = (np.array(part, float) for part in self.system.start())
         if self.rung.inertia == 0.0:

@@ -375,9 +375,11 @@ class Space:
             " simpler geoms"
         )
 
-    def know_unit_masses(self) -> None:
-        """Let terms have the metric, too, which rungs without inertia need."""
-        if self._unit is None:
+    def prepare(self, inertia: float) -> None:
+        """A run begins that keeps this part of inertia, with terms of its own; without inertia they need the
+        metric."""
+        self.loads.joints.filled[0] = 0
+        if inertia == 0.0 and self._unit is None:
             self._unit = unit_masses(self.model)
             self.loads = with_unit_masses(self.loads, *self._unit)
             self._make_mechanism()
