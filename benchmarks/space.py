@@ -1,7 +1,6 @@
 """Steps of whole runs in space, beside MuJoCo's own in the same process, and what is asked of every step.
 
-    python benchmarks/space.py [--scenes stack pile stack80 heap64] [--steps 8000] [--rounds 8] [--parts]
-                               [--first N]
+    python benchmarks/space.py [--scenes stack pile stack80 heap64] [--steps 8000] [--rounds 8] [--first N]
 
 Each round takes steps on the rung and then as many in MuJoCo from the same start, so that both see the same
 machine. stackN and heapN are N boxes, one on the other or in square layers that fall a little. MuJoCo steps
@@ -12,9 +11,6 @@ the same model with its own settings: Newton, elliptic cones, its step the scene
   within    share of the steps taken whose residual is within 1e-8; halved: steps that were shortened
   overlap   greatest overlap that a rigid step added, over the size of the smallest geom
 
---parts says instead where the time of a step goes: to the contact solver, to contacts and rows, to other
-kernels, to MuJoCo, and to Python, which the profiler makes dearer than it is.
-
 --first says instead how long each of the first N steps takes, in which bodies fall: the mean, the 99th
 percentile and the greatest, in milliseconds of processor time.
 """
@@ -22,10 +18,8 @@ percentile and the greatest, in milliseconds of processor time.
 from __future__ import annotations
 
 import argparse
-import cProfile
 import json
 import math
-import pstats
 import re
 import sys
 import tempfile
@@ -46,11 +40,6 @@ TOLERANCE = 1e-8
 NEVER = 1e9
 BOX = """<body name="box{0}" pos="{1} {2} {3}"><freejoint/>
 <geom name="box{0}" type="box" size="0.1 0.1 0.1" mass="1"/></body>"""
-PARTS = {
-    "core.step.solve_step": "solver", "features.fill_contacts": "contacts", "mujoco": "MuJoCo",
-    "method rungwise": "kernels",
-}  # fmt: skip
-"""What stands in the name of a function in a profile, and the part of a step that it is."""
 ENDS = ("goal", "unsafe", "doomed")
 """Conditions that would end a run before all steps are taken."""
 
@@ -118,36 +107,6 @@ def measure(scene: rw.SpaceScene, model: str, steps: int, rounds: int) -> dict[s
     }  # fmt: skip
 
 
-def part_of(function: str) -> str:
-    """The part of a step that a function is, by its name in a profile."""
-    for name, part in PARTS.items():
-        if name in function:
-            return part
-    return "Python"
-
-
-def parts(scene: rw.SpaceScene, model: str, steps: int) -> dict[str, float]:
-    """Shares of the time of so many steps, after as many others."""
-    run = SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
-    run.steps_taken(steps)
-    profile = cProfile.Profile()
-    profile.runcall(run.steps_taken, steps)
-    shares = dict.fromkeys([*PARTS.values(), "Python"], 0.0)
-    for (_, _, function), (_, _, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
-        shares[part_of(function)] += own
-    total = sum(shares.values())
-    return {part: share / total for part, share in shares.items()}
-
-
-def tell_parts(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: int) -> None:
-    """Print the shares of each scene on each rung."""
-    print(f"{'scene':8} {'model':18}" + "".join(f"{part:>10}" for part in [*PARTS.values(), "Python"]))
-    for scene in scenes:
-        for model in models:
-            shares = parts(scene, model, steps).values()
-            print(f"{scene.name:8} {model:18}" + "".join(f"{share:10.0%}" for share in shares))
-
-
 def tell_first(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: int) -> None:
     """Print what each of the first steps takes."""
     print(f"{'scene':8} {'model':18} {'steps':>6} {'mean ms':>8} {'99 %':>6} {'most':>6}")
@@ -172,14 +131,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--steps", type=int, default=8000)
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--parts", action="store_true", help="say where the time goes")
     parser.add_argument("--first", type=int, metavar="N", help="say what each of the first steps takes")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         scenes = [scene_of(name, Path(folder)) for name in chosen.scenes]
-        if chosen.parts:
-            tell_parts(scenes, chosen.models, chosen.steps // 4)
-            return 0
         if chosen.first:
             tell_first(scenes, chosen.models, chosen.first)
             return 0
