@@ -27,8 +27,8 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.newton import multiplications, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import NOTHING, WIDE
-from rungwise.contact.solver.solve import residual_at_rest, solve
+from rungwise.contact.solver.settings import WIDE
+from rungwise.contact.solver.solve import rests, solve
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 
@@ -275,9 +275,8 @@ def _solve_island(
         here.v[i] = x[first + own[i]] / g.unit[i]
     cost, before = multiplications(blocks, part.n), count[0]
     count[3] = before + int(max(work[0], 0.0) / cost)
-    found = residual_at_rest(g, here.x, here.v, here)
-    if not found <= NOTHING:
-        found = solve(g, here.x, here.v, here, halt, count)
+    stays = rests(g, here.x, here.v, here)
+    found = here.least[0] if stays else solve(g, here.x, here.v, here, halt, count)
     work[0] -= cost * (count[0] - before)
     for r in range(part.rows):
         x[g.origin[r]] = here.x[r] * g.force[r]

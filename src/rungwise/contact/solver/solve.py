@@ -56,28 +56,32 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 
 
 @kernel
-def residual_at_rest(g: Groups, x: Reals, v: Reals, room: Room) -> float:
-    """The residual of the forces x (rows,) with all things at rest; velocities v (n,) are zero afterwards
-    where that is no more than `NOTHING`, and as they were elsewhere. Where all contacts yield, a rate that is
-    rounding of the problem counts as no more: what they yield by is known to the rounding of places alone."""
+def rests(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
+    """Whether all things rest by the forces x (rows,), with the residual in least (1,): velocities v (n,) are
+    zero then, and as they were elsewhere. Where all contacts yield, a rate that is rounding of the problem
+    counts as `NOTHING`: what they yield by is known to the rounding of places alone."""
     noise = g.noise[0]
     copy(v, room.first_v)
     _clear(v)
-    g.noise[0] = noise / NOTHING if _all_yield(g) else noise
-    found = measure(g, x, v, room)
-    g.noise[0] = noise
-    if not found <= NOTHING:
-        copy(room.first_v, v)
-    return float(found)
+    found = room.least[0] = measure(g, x, v, room)
+    if NOTHING < found <= ENOUGH and _all_yield(g):
+        g.noise[0] = noise / NOTHING
+        found = measure(g, x, v, room)
+        g.noise[0] = noise
+    if found <= NOTHING:
+        return True
+    copy(room.first_v, v)
+    return False
 
 
 @inner_kernel
 def _all_yield(g: Groups) -> bool:
-    """Whether all contacts yield."""
-    yields = True
+    """Whether there are contacts, and all yield."""
+    contacts, yields = 0, True
     for k in range(len(g.kind)):
-        yields &= g.kind[k] != cone.KIND or g.R[k, 0, 0] > 0.0
-    return yields
+        if g.kind[k] == cone.KIND:
+            contacts, yields = contacts + 1, yields and g.R[k, 0, 0] > 0.0
+    return yields and contacts > 0
 
 
 @kernel

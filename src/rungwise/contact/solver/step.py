@@ -19,8 +19,8 @@ from rungwise.contact.solver.groups import (
 )
 from rungwise.contact.solver.islands import cut_island, label_islands
 from rungwise.contact.solver.newton import Room, evaluate, no_blocks, plan_blocks, room_in, room_of
-from rungwise.contact.solver.settings import NEWTON_STEPS, NOTHING, WIDE
-from rungwise.contact.solver.solve import BY_ITERATE, measure, residual_at_rest, set_pace, solve
+from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
+from rungwise.contact.solver.solve import BY_ITERATE, measure, rests, set_pace, solve
 from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
@@ -58,13 +58,15 @@ def solve_groups(
     for which in range(apart):
         if apart > 1:
             part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
-        found = _rest(own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows)
-        if not found <= NOTHING and part.n < WIDE:
+        stays, found = _rest(
+            own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows
+        )
+        if not stays and part.n < WIDE:
             found = _solve_few(
                 own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows, halt,
                 count,
             )  # fmt: skip
-        elif not found <= NOTHING:
+        elif not stays:
             blocks = plan_blocks(own_integers, part)
             found = _solve_part(
                 own_reals, own_integers, part, numbers, scratch, room, order, blocks, unknowns, sizes, rows,
@@ -146,18 +148,18 @@ def _begin(
 def _rest(
     reals: Reals, integers: Ints, part: Counts, numbers: Reals, scratch: Ints, room: Reals, order: Ints,
     unknowns: Unknowns, sizes: Sizes, rows: int,
-) -> float:  # fmt: skip
-    """Count an island in units, with the problem's unknowns; returns its residual at rest, by the forces
-    given, which are its answer where that is no more than `NOTHING`."""
+) -> tuple[bool, float]:  # fmt: skip
+    """Count an island in units, with the problem's unknowns; returns whether it rests by the forces given,
+    which are its answer then, and the residual of that."""
     g = groups_in(reals, integers, part, numbers)
     here = room_in(room, order, part, no_blocks(integers, reals))
     own = scratch[len(scratch) - 2 * sizes.n :]
     count_in_units(g)
     _take(g, own, unknowns, rows, here.x, here.v)
-    found = residual_at_rest(g, here.x, here.v, here)
-    if found <= NOTHING:
+    stays = rests(g, here.x, here.v, here)
+    if stays:
         _give(g, own, sizes, rows, here.x, here.v, here, unknowns)
-    return found
+    return stays, here.least[0]
 
 
 @kernel
