@@ -119,30 +119,27 @@ def type_of(kernel: Kernel) -> Any:
     if kernel.is_part or returns is None:
         return types.Dispatcher(kernel.inside)
 
-    def define(_context: object, *arguments: Any) -> tuple[Any, Callable[..., Any]]:
-        key = pickle.dumps((kernel.__module__, kernel.name, arguments), protocol=5)
-        return returns(*arguments), _caller(key)
-
-    own = inspect.signature(kernel.function)
-    first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
-    define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
-    template = make_intrinsic_template(kernel, define, kernel.name, prefer_literal=False, kwargs={})
-    return types.Function(template)
+    return _linked(kernel, returns, lambda _arguments: kernel)
 
 
 def type_of_contract(contract: Contract) -> Any:
     """Numba's type of what each class of systems has a kernel for."""
     returns = result_type(contract.function)
+    return _linked(contract, returns, lambda arguments: contract.given[arguments[0].kind])
+
+
+def _linked(called: Kernel | Contract, returns: Any, chosen: Callable[[Any], Kernel]) -> Any:
+    """Numba's type of what is called through a cell: the kernel that is chosen by the types of arguments."""
 
     def define(_context: object, *arguments: Any) -> tuple[Any, Callable[..., Any]]:
-        kernel = contract.given[arguments[0].kind]
+        kernel = chosen(arguments)
         key = pickle.dumps((kernel.__module__, kernel.name, arguments), protocol=5)
         return returns(*arguments), _caller(key)
 
-    own = inspect.signature(contract.function)
+    own = inspect.signature(called.function)
     first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
     define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
-    template = make_intrinsic_template(contract, define, contract.name, prefer_literal=False, kwargs={})
+    template = make_intrinsic_template(called, define, called.name, prefer_literal=False, kwargs={})
     return types.Function(template)
 
 

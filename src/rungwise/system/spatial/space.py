@@ -229,7 +229,6 @@ class Space:
         }  # fmt: skip
         self.mechanism = Mechanism(**same, kept=one, found=other, **rest)
         self._turned = Mechanism(**same, kept=other, found=one, **rest)
-        self._lengths = self.mechanism.lengths
 
     @property
     def kept(self) -> Features:
@@ -327,7 +326,7 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self._lengths)
+        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self.mechanism.lengths)
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
         found = self._passes(self.mechanism, q, v, h)
