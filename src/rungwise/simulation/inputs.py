@@ -20,8 +20,8 @@ from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Code, Programs, evaluate
 from rungwise.scene.language.names import with_times
 from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.held_since import STATED
-from rungwise.simulation.planar.state.inputs import Inputs
+from rungwise.simulation.watched.held_since import STATED
+from rungwise.simulation.watched.inputs import Inputs
 from rungwise.wording import choices
 
 MOST = 10_000

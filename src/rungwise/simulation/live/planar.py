@@ -12,8 +12,8 @@ from rungwise.scene import Scene
 from rungwise.scene.template.records import Records
 from rungwise.simulation.inputs import Segment, compile_segments
 from rungwise.simulation.live.observation import Contacts
-from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.watched.inputs import Inputs
 from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 FOR_GOOD = Segment(duration=math.inf)

@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Lasting, Programs, evaluate, holds
 from rungwise.simulation.moving.values import Values
-from rungwise.simulation.planar.state.held_since import HALVES, REACHED
+from rungwise.simulation.watched.held_since import HALVES, REACHED
 
 
 class _Part:

@@ -34,10 +34,10 @@ from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.taken_back import Begun, sooner
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
-from rungwise.simulation.planar.state.held_since import DATINGS
 from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import Memory, State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
+from rungwise.simulation.watched.held_since import DATINGS
 
 GAINED = 1e-12
 """Work of contacts in a step, over all of it, that is rounding."""

@@ -13,8 +13,8 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.values import Values
-from rungwise.simulation.planar.state.inputs import LOCATED
-from rungwise.simulation.planar.state.verdicts import SIGHTS
+from rungwise.simulation.watched.inputs import LOCATED
+from rungwise.simulation.watched.verdicts import SIGHTS
 
 DATED = 0.25
 """Part of the nominal step to which the first condition on the way of a longer one is dated."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,12 @@ from rungwise.block import Block
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.simulation.core import state as core
+from rungwise.simulation.watched.values import Watched
 from rungwise.system.planar.contact_manifold import Manifolds
 from rungwise.system.planar.corners import Course
 from rungwise.system.planar.place import Placement
 from rungwise.system.planar.seams import Seams
 from rungwise.system.terms import Terms
-
-Conditions: TypeAlias = tuple[Ints, Reals, Ints]
-"""Programs of the scene's conditions: code, constants and table."""
 
 CLOCK = record_type(
     core.COUNTS
@@ -51,11 +49,6 @@ the last step moved bodies by what does not vanish with its length, `leaping` th
 the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
 the last one, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
 
-CONTROL = record_type("ends", "step longest duration tolerance error jam")
-"""ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
-steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed length; jam: greatest motion in a
-step without solution that counts as a jam."""
-
 
 class State(core.State):
     """q (n,); levels (u,) are the inputs before the present segment; the gaps of
@@ -87,18 +80,13 @@ class State(core.State):
 
 
 class Scratch(core.Scratch):
-    """The slowest solution, the coordinates held in another solution, the values that conditions read at the
-    start and the end of a step, in `undefined` (1,) the place of a number that is not finite now, or -1."""
+    """The slowest solution, and the coordinates held in another solution."""
 
     slowest: Reals
     held: Ints
     probe: Reals
     row: Reals
     measures: Reals
-    stack: Reals
-    begun: Reals
-    ended: Reals
-    undefined: Ints
 
 
 class Early(Block):
@@ -164,6 +152,7 @@ class Workspace(Block):
     step, `whole` the state after it in one piece, for comparison with two halves."""
 
     state: State
+    watched: Watched
     terms: Terms
     seams: Seams
     course: Course
@@ -180,13 +169,6 @@ class Workspace(Block):
 def trial_in(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> core.Trial:
     w = workspace
     return core.Trial(rung, h, w.terms, contacts, w.state, w.scratch, w.problem)
-
-
-@inner_kernel
-def time_slot(state: State) -> int:
-    """Where expressions read t (see `Template` for the order of values)."""
-    after = state.dates.shape[0] + state.ways.shape[0]
-    return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0] - after)
 
 
 def recorded(workspace: Workspace, name: str) -> NDArray[Any]:
