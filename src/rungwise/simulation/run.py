@@ -24,8 +24,9 @@ from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
 from rungwise.scene.template.records import SPEED
 from rungwise.simulation.inputs import compile_segments, impossible_times
+from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
-from rungwise.simulation.live.planar import Growing, contacts_of
+from rungwise.simulation.live.planar import contacts_of
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.begin import take_start

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
-from rungwise.scene.language.expression import SLOTS, TIMES, evaluate
+from rungwise.scene.language.expression import SLOTS, TIMES, Programs, evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
-from rungwise.scene.template.template import Numbers
+from rungwise.scene.template.template import Numbers, block_of
 from rungwise.simulation.watched.held_since import clear_times, is_over, note_times, times_end
 from rungwise.simulation.watched.values import TIME, Watched
 
@@ -48,6 +50,16 @@ class Inputs(Block):
     table: Ints
 
 
+def no_inputs() -> Inputs:
+    """The schedule of a run whose numbers stay as they are."""
+    nothing, none, empty = block_of(Programs([]), np.zeros(0, np.int64)), np.zeros(0, np.int64), Programs([])
+    return Inputs(
+        speeds=nothing, numbers=nothing, timed=np.zeros(2, np.int64), rests=np.zeros(1, np.int64),
+        columns=none, durations=np.zeros(0), levels=np.zeros((0, 0)), ramps=none,
+        code=empty.code, constants=empty.constants, table=empty.table,
+    )  # fmt: skip
+
+
 @kernel
 def begin_inputs(inputs: Inputs, buffer: Reals, w: Watched) -> None:
     """Begin the schedule now, at its first segment that lasts."""
@@ -74,7 +86,7 @@ def switch_inputs(inputs: Inputs, buffer: Reals, h: float, w: Watched) -> bool:
         return True
     clock.segment += 1
     _enter(inputs, buffer, True, w)
-    return False
+    return not clock.switch > clock.time
 
 
 @kernel
@@ -94,7 +106,7 @@ def _enter(inputs: Inputs, buffer: Reals, looks: bool, w: Watched) -> None:
             note_until(inputs, 0.0, w)
             until_end(inputs, clock.time, w)
         held = looks and until_margin(inputs, w) >= 0.0
-        if clock.switch > clock.time and not held:
+        if (clock.switch > clock.time or is_guarded(inputs, w)) and not held:
             break
         _set_levels(inputs, w, clock.time if held else clock.switch)
         clock.segment += 1
@@ -136,11 +148,23 @@ def set_numbers(inputs: Inputs, buffer: Reals, h: float, theta: float, w: Watche
     clock = w.clock[0]
     if not clock.varies:
         return
-    _set_time(inputs, clock.time + 0.5 * h, w)
-    w.undefined[0] = _evaluate(inputs.speeds, buffer, w)
+    set_speeds(inputs, buffer, clock.time + 0.5 * h, w)
     if w.undefined[0] < 0:
-        _set_time(inputs, clock.time + theta * h, w)
-        w.undefined[0] = _evaluate(inputs.numbers, buffer, w)
+        set_rest(inputs, buffer, clock.time + theta * h, w)
+
+
+@kernel
+def set_speeds(inputs: Inputs, buffer: Reals, time: float, w: Watched) -> None:
+    """Set speeds as they are at a time of the present segment."""
+    _set_time(inputs, time, w)
+    w.undefined[0] = _evaluate(inputs.speeds, buffer, w)
+
+
+@kernel
+def set_rest(inputs: Inputs, buffer: Reals, time: float, w: Watched) -> None:
+    """Set all other numbers as they are at a time of the present segment."""
+    _set_time(inputs, time, w)
+    w.undefined[0] = _evaluate(inputs.numbers, buffer, w)
 
 
 @kernel

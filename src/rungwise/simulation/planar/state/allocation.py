@@ -28,7 +28,7 @@ from rungwise.simulation.planar.state.workspace import (
     State,
     Workspace,
 )  # fmt: skip
-from rungwise.simulation.watched.values import allocate_watched
+from rungwise.simulation.watched.values import Slots, allocate_watched
 from rungwise.system.entries import CROWDED
 from rungwise.system.planar.contact_manifold import ABSENT, allocate_manifolds
 from rungwise.system.planar.corners import allocate_course
@@ -204,10 +204,10 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
         scalars=np.zeros((frames, len(SCALARS))),
     )
     first_gap = at + 2 * n
-    slots_of = (at - 1, at + n, first_gap, first_gap + contacts)
+    slots_of = Slots(at - 1, at + n, first_gap, first_gap + contacts, first_gap + 3 * contacts)
     return Workspace(
         state=state,
-        watched=allocate_watched(state.clock, values, state.dates, state.levels, slots_of),
+        watched=allocate_watched(state.clock, values, state.levels, slots_of),
         terms=allocate_terms(n, rows, limited, d, crowded, surfaces),
         seams=allocate_seams(records),
         course=allocate_course(records),

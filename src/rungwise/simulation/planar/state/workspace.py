@@ -20,22 +20,20 @@ from rungwise.system.terms import Terms
 
 CLOCK = record_type(
     core.COUNTS
-    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " lifts laws landed centred lost stalled snapped crowd blamed votes refusal meets",
+    + " outcome contacts frames since stride bounces drives chooses leaper jumps lifts laws landed centred"
+    " lost stalled snapped refusal meets",
     core.TIMES
-    + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
-    " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
-    " leapt leaping mark",
+    + " taken margin extent near least_gap reach smallest thin leap leap_time leap_step jump_time shake"
+    " stray stray_time stray_step bend leaping",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
-contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
+contact may bounce. `taken` is the last step's length; `reach` is the longest
 lever arm, `extent` the farthest distance at the start, `smallest` the least reach of a shape, `thin` the
-thickness of the thinnest pair. `gained` is energy that bounces added. In the step of `leap_step` up to
+thickness of the thinnest pair. In the step of `leap_step` up to
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
 `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
-to its end (see `opened_contacts`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
-`segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
+to its end (see `opened_contacts`), of `stray_step` from `stray_time`.
 `lifts`: whether some body may be raised off the plane; `laws`: the sum of those of contact beside the common
 ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
@@ -43,11 +41,9 @@ another.
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
 the last steps that went nearly nowhere: up for each that stands in place of a longer one without solution,
-down for each other. `leapt` is how far
-the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `step.snaps`). At `mark`
-the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
-the last one, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
+down for each other. `leaping` is how far the step that is tried moves bodies by what does not vanish with
+its length, and `snapped` says that such a motion ended the run (see `step.snaps`). `refusal` is what the last
+step was short for, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
 
 
 class State(core.State):
