@@ -11,7 +11,6 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.crawl import why_nowhere
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.live.observation import Contacts, without_places
 from rungwise.simulation.moving.begin import Fault, worst
@@ -20,6 +19,7 @@ from rungwise.simulation.moving.memory import begin_anew, recall, remembered
 from rungwise.simulation.moving.prepared import Bodies
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.snaps import led_on, snaps
+from rungwise.simulation.stepping.stepper import Stepper
 
 
 class Kind:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.scene.contract import AnyScene
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.watched.values import PLACE
 
 

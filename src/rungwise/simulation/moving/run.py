@@ -22,9 +22,6 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
 from rungwise.scene.language.expression import SLOTS
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.advance import NO_ROOM
-from rungwise.simulation.core.loop import Loop, allocate_margins, allocate_snapshot, begin_run, take_steps
-from rungwise.simulation.core.stepper import Stepper, UndefinedNumber
 from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
@@ -37,6 +34,9 @@ from rungwise.simulation.moving.values import asked_of, blank_values, slots_of
 from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import Memory, State, StateError
+from rungwise.simulation.stepping.advance import NO_ROOM
+from rungwise.simulation.stepping.loop import Loop, allocate_margins, allocate_snapshot, begin_run, take_steps
+from rungwise.simulation.stepping.stepper import Stepper, UndefinedNumber
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 from rungwise.simulation.watched.inputs import begin_inputs, set_all
 from rungwise.simulation.watched.values import CONTROL
@@ -184,7 +184,10 @@ class MovingSimulation(Turns, Kind):
             )
             settled = stepper.settles(status, self._asked)
         except UndefinedNumber as error:
-            self.outcome, self.reason = Code.INVALID, self.undefined(error.args[0], stepper.time)
+            self.outcome, self.reason = (
+                Code.INVALID,
+                self.undefined(error.args[0], float(stepper.watched.values[stepper.slots.time])),
+            )
             return 0
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)

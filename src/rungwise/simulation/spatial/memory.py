@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.simulation.core.state import State
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.memory import restored
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.features import FREE, Features
 from rungwise.system.spatial.space import Space
 

@@ -11,7 +11,6 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene.read import load_in_space
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault
 from rungwise.simulation.moving.run import MovingSimulation
@@ -21,6 +20,7 @@ from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.reasons import crawled, fastest, snapped, stuck
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.space import Space
 from rungwise.system.spatial.turning import remarks
 

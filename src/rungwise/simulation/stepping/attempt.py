@@ -27,11 +27,11 @@ from rungwise.kernel import (
 )
 from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
-from rungwise.simulation.core.overlap import least_allowed, open_added
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR, SHORTER
 from rungwise.simulation.core.update_state import fill_pace, take_slots
+from rungwise.simulation.stepping.overlap import least_allowed, open_added
 from rungwise.simulation.watched.inputs import Inputs
 from rungwise.simulation.watched.values import Watched
 from rungwise.system.contract import fastest, fill, integrate, least_gap, passes, tell_laws

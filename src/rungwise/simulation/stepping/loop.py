@@ -20,10 +20,10 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, system_kernel
 from rungwise.outcome import Code
-from rungwise.simulation.core.advance import advance, is_taken, snaps_on
-from rungwise.simulation.core.attempt import Setting
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED
 from rungwise.simulation.core.tolerances import ROUNDING
+from rungwise.simulation.stepping.advance import advance, is_taken, snaps_on
+from rungwise.simulation.stepping.attempt import Setting
 from rungwise.simulation.watched.held_since import DATINGS, lasts
 from rungwise.simulation.watched.inputs import (
     is_guarded,
@@ -106,7 +106,7 @@ def begin_run(system: Any, run: Loop) -> None:
 @system_kernel
 def take_steps(system: Any, run: Loop, steps: int, signals: Ints) -> int:
     """Take at most so many steps, until signalled to stop, the verdict stands, or a segment of the schedule
-    has ended; returns how the last one ended (see `core.advance`)."""
+    has ended; returns how the last one ended (see `stepping.advance`)."""
     clock = run.setting.state.clock[0]
     segment = clock.segment
     for _ in range(steps):
