@@ -127,13 +127,14 @@ class Stepper:
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
-        self.clock_numbers = clock.view(np.float64)
         self.clock = clock.view(np.dtype(clock.dtype.descr)).view(np.ndarray)[0]
         pulls = self._further is not None and self._further.pulls
         weighs = self.rung.inertia == 1.0 and self.rung.loads and not (size.limited or pulls)
         falls = getattr(self.system, "falls", None) if weighs else None
         within = -math.inf if self._further is None else self._further.named.within
-        self.tried = allocate_attempt(size, np.zeros(n) if falls is None else falls, within, self.step)
+        self.tried = allocate_attempt(
+            size, clock.view(np.float64), np.zeros(n) if falls is None else falls, within, self.step
+        )
         self.tried.q[:] = q
         self.note = self.tried.note.view(np.dtype(self.tried.note.dtype.descr)).view(np.ndarray)[0]
         self.watched = allocate_watched(clock, self.values, np.zeros(len(self.inputs.columns)), self.slots)
