@@ -73,7 +73,7 @@ class Frames(Sequence[Any]):
         return tuple, (list(self),)
 
 
-ROOM, AT_ONCE = 1 << 16, 1 << 10
+ROOM, AT_ONCE = 1 << 20, 1 << 10
 """Numbers of frames, and frames, that there is room for before they are taken out."""
 
 
@@ -83,29 +83,28 @@ class Recorder:
     are those that were not taken out yet."""
 
     def __init__(self, most: int, stride: int, time: int) -> None:
-        self._most, self._time, self._rows = most, time, list[Reals]()
+        self._most, self._time, self._rows, self._taken = most, time, list[Reals](), 0
         self.recorded = allocate_recorded(most, stride, ROOM if most else 0, AT_ONCE if most else 0)
 
     def rows(self) -> list[Reals]:
         """The frames as they were recorded (see `Row`)."""
         note, ends = self.recorded.note[0], self.recorded.ends.tolist()
-        for k in range(int(note.frames)):
-            row = self.recorded.rows[ends[k] : ends[k + 1]].copy()
+        for k in range(int(self._taken), int(note.frames)):
+            row = self.recorded.rows[ends[k] : ends[k + 1]]
             if self._rows and self._rows[-1][self._time] == row[self._time]:
                 self._rows.pop()
             self._rows.append(row)
-        note.frames = 0
+        self._taken = int(note.frames)
         return self._rows
 
     def make_room(self) -> None:
-        """Make room for a frame: take out what was recorded, drop every other frame, or make more room."""
-        note, taken = self.recorded.note[0], int(self.recorded.note[0].frames)
-        rows = self.rows()
-        if not taken and len(rows) >= self._most:
-            del rows[1::2]
+        """Make room for a frame: drop every other frame, or go on in other memory, in more where one frame
+        does not fit."""
+        note, rows = self.recorded.note[0], self.rows()
+        if len(rows) >= self._most:
+            self._rows = [row.copy() for row in rows[::2]]
             note.stride *= 2
-        elif not taken:
-            more = allocate_recorded(self._most, 1, 2 * len(self.recorded.rows), AT_ONCE)
-            more.note[0] = self.recorded.note[0]
-            self.recorded = more
-        self.recorded.note[0].room = self._most - len(rows)
+        size = len(self.recorded.rows) * (1 if note.frames else 2)
+        other = allocate_recorded(self._most, int(note.stride), size, AT_ONCE)
+        other.note[0].since, other.note[0].room = note.since, self._most - len(self._rows)
+        self.recorded, self._taken = other, 0

@@ -41,8 +41,13 @@ def restored(values: Reals, part: NDArray[Any]) -> NDArray[Any]:
     return values.view(part.dtype).reshape(part.shape)
 
 
-def written(put: Callable[[Reals, Ints], int], room: int) -> Reals:
+ROOM = 1 << 12
+"""Numbers that a memory has room for at first."""
+
+
+def written(put: Callable[[Reals, Ints], int]) -> Reals:
     """What a kernel writes into as much room as it needs; it returns how much, -1 where it is short."""
+    room = ROOM
     while True:
         out = np.empty(room)
         end = put(out, out.view(np.int64))

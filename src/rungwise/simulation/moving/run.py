@@ -27,7 +27,7 @@ from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
-from rungwise.simulation.moving.frames import ROOM, Frames, Recorder
+from rungwise.simulation.moving.frames import Frames, Recorder
 from rungwise.simulation.moving.kind import Kind
 from rungwise.simulation.moving.memory import PLACES, memory_parts, written
 from rungwise.simulation.moving.prepared import Prepared
@@ -56,6 +56,11 @@ MANY_STEPS = 1 << 30
 
 Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
+
+
+def _as_it_is(kernel: Any) -> Any:
+    """Kernels of systems in Python are Python."""
+    return kernel
 
 
 def _until(seconds: float | None, signals: Ints) -> AbstractContextManager[None]:
@@ -98,8 +103,10 @@ class MovingSimulation(Turns, Kind):
             allocate_snapshot(stepper.setting), allocate_margins(), np.array([int(Code.RUNNING), 0]),
             allocate_recorded(0, 1, 0, 0),
         )  # fmt: skip
-        self._steps_in = steady(take_steps) if stepper.is_compiled else take_steps
-        self._turn, self._asked = 1, False
+        compiled = steady if stepper.is_compiled else _as_it_is
+        self._steps_in, self._begin_in = compiled(take_steps), compiled(begin_run)
+        self._record_in, self._memory_in = compiled(record), compiled(put_memory)
+        self._asked = False
         before: list[Fault] | None = []
         goes_on = False
         if state is not None:
@@ -130,7 +137,7 @@ class MovingSimulation(Turns, Kind):
             self.outcome = Code.INVALID
             return
         self.begins(stepper)
-        begin_run(stepper.inside, self._loop)
+        self._begin_in(stepper.inside, self._loop)
         self.outcome = Code(int(self._loop.verdict[0]))
         self._keep_frame(stepper)
         if self.outcome != Code.RUNNING:
@@ -245,7 +252,7 @@ class MovingSimulation(Turns, Kind):
     def _keep_frame(self, stepper: Stepper) -> None:
         """Record the state of the run now."""
         run = self._loop
-        while not record(stepper.inside, run.setting, run.margins, self._recorder.recorded, True):
+        while not self._record_in(stepper.inside, run.setting, run.margins, self._recorder.recorded, True):
             self._recorder.make_room()
             self._loop = run = run._replace(recorded=self._recorder.recorded)
 
@@ -254,9 +261,7 @@ class MovingSimulation(Turns, Kind):
         stepper = self.stepper
         assert stepper is not None
         inside, run = stepper.inside, self._loop
-        return written(
-            lambda out, bits: int(put_memory(inside, run.setting, run.margins, out, bits, 0)), ROOM
-        )
+        return written(lambda out, bits: int(self._memory_in(inside, run.setting, run.margins, out, bits, 0)))
 
     def memory_at(self, memory: Memory, q: Reals) -> Memory:
         """The memory of a state of this scene whose bodies were moved to q (n_q,)."""

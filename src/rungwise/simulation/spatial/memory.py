@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel, steady
 from rungwise.simulation.core.state import CLOCK, State
-from rungwise.simulation.moving.frames import ROOM
 from rungwise.simulation.moving.memory import restored, written
 from rungwise.simulation.stepping.record import put, put_bits
 from rungwise.simulation.stepping.stepper import Stepper
@@ -45,8 +44,8 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
 
 def remembered(stepper: Stepper, space: Space) -> Reals:
     """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
-    mechanism, setting = space.mechanism, stepper.setting
-    return written(lambda out, bits: int(remember(mechanism, setting, out, bits, 0)), ROOM)
+    mechanism, setting, put_all = space.mechanism, stepper.setting, steady(remember)
+    return written(lambda out, bits: int(put_all(mechanism, setting, out, bits, 0)))
 
 
 @contract.remember.given_by(Mechanism)
