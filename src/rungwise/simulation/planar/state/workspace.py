@@ -23,7 +23,7 @@ Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " lifts laws landed centred lost stalled snapped crowd blamed votes refusal meets",
+    " lifts laws landed centred lost snapped crowd blamed votes refusal meets",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
@@ -43,11 +43,9 @@ ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
-that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
-the last steps that went nearly nowhere: up for each that stands in place of a longer one without solution,
-down for each other. `leapt` is how far
+that rows were those of the start, for a contact is no more at the end, or bodies settled. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `step.snaps`). At `mark`
+`snapped` says that such a motion ended the run (see `step.held`). At `mark`
 the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
 the last one, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
 
