@@ -108,7 +108,7 @@ FAULTS = (
         "the end of a step under theta extrapolates to the wrong side", True,
     ),
     Fault(
-        "date-after-condition", "src/rungwise/simulation/planar/state/verdicts.py",
+        "date-after-condition", "src/rungwise/simulation/watched/verdicts.py",
         "return before if found else 1.0", "return after if found else 1.0",
         ("tests/simulation/test_conditions.py", "tests/simulation/test_two_finger.py"),
         "a step is cut after a condition began to hold, instead of before",
@@ -125,7 +125,7 @@ FAULTS = (
         "contacts yield ten times as far before the compliant model fails", True,
     ),
     Fault(
-        "jam-without-proof", "src/rungwise/simulation/core/stepper.py",
+        "jam-without-proof", "src/rungwise/simulation/stepping/stepper.py",
         "self.outcome = Code.NOT_CONVERGED if self.certificate is None else outcome",
         "self.outcome = outcome", _CORE,
         "a step that is not solved is a jam without a proof", True,
@@ -179,12 +179,12 @@ FAULTS = (
         "a deformation without force relaxes by theta", True,
     ),
     Fault(
-        "step-gap-sign", "src/rungwise/simulation/core/attempt.py",
+        "step-gap-sign", "src/rungwise/simulation/stepping/attempt.py",
         "terms.gap[k] -= h * rate(", "terms.gap[k] += h * rate(", _CORE,
         "the gap's advance with the wrong sign in the attempt", True,
     ),
     Fault(
-        "step-half-error", "src/rungwise/simulation/core/stepper.py",
+        "step-half-error", "src/rungwise/simulation/stepping/advance.py",
         "return 0.5 * change, 0.5 * h", "return 0.25 * change, 0.5 * h", _CORE,
         "half of a controlled step's error", True,
     ),
@@ -434,8 +434,8 @@ FAULTS = (
         ("tests/simulation/test_lasting.py",), "a condition that holds lacks more and more of its time",
     ),
     Fault(
-        "times-of-other-segments", "src/rungwise/simulation/planar/state/inputs.py",
-        "            clear_times(OWN, state)\n", "", ("tests/simulation/test_lasting.py",),
+        "times-of-other-segments", "src/rungwise/simulation/watched/inputs.py",
+        "            clear_times(OWN, w)\n", "", ("tests/simulation/test_lasting.py",),
         "a segment counts the time for which its condition held before",
     ),
     Fault(

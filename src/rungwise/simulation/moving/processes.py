@@ -16,11 +16,11 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import worked
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.state import State
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.turns import TURN_S
 
 FEW = 4
@@ -206,7 +206,7 @@ def _ran(terms: Terms, sample: Sample, watch: _Watch | None) -> Sampled:
                 simulation.deadline.look()
                 if watch is not None:
                     watch.look()
-                simulation.take()
+                simulation.take_some(terms.budget - (simulation.steps - begun))
                 if ends is not None:
                     ends.note()
         if simulation.outcome == Code.RUNNING:

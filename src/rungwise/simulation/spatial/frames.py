@@ -9,9 +9,9 @@ import numpy as np
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.state import Scratch, State
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.frames import worked
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.features import Features
 from rungwise.system.spatial.space import Space
 from rungwise.system.terms import DRIVE, JOINT, Terms

@@ -9,10 +9,10 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.crawl import CAUSES, why_nowhere
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.moving.snaps import led_on, snaps
 from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed
 
@@ -48,13 +48,14 @@ def stuck(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
 def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:
     """What kept the steps short of a run whose steps led nowhere, the body that was fastest, and what may
     lead on."""
-    crawl = stepper.crawl
-    cause, slot = crawl.blamed % CAUSES, crawl.blamed // CAUSES
+    clock = stepper.clock
+    blamed = int(clock["blamed"])
+    cause, slot = blamed % CAUSES, blamed // CAUSES
     short = (
         " ".join(LONGER[cause].format(at=_at(slot, space, labels.geoms)).split()) if cause in LONGER else ""
     )
     lines = [
-        why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, short),
+        why_nowhere(int(clock["crowd"]), stepper.time - float(clock["mark"]), stepper.step, short),
         f"The fastest body is {fastest(space, labels.bodies, stepper.v)}.",
         "A smaller step, or tol, may help.",
     ]

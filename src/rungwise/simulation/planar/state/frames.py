@@ -6,7 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import Records
-from rungwise.simulation.planar.state.held_since import set_ways
+from rungwise.simulation.planar.state.ways import set_ways
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
 from rungwise.system.entries import stretch
 from rungwise.system.planar import joints

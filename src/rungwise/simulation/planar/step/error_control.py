@@ -13,7 +13,6 @@ from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kerne
 from rungwise.scene.fields.laws.contact import PULLS
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.crawl import MEETING
-from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.laws import until_edges
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, swing, widen
@@ -25,6 +24,7 @@ from rungwise.simulation.planar.step.extrapolate import extrapolate, flies, is_a
 from rungwise.simulation.planar.step.held import snaps_on
 from rungwise.simulation.planar.step.midpoint_rows import meets
 from rungwise.simulation.planar.step.step_error import AHEAD, closes, disagreement, mode_at_start
+from rungwise.simulation.watched.inputs import Inputs
 from rungwise.system.planar.contact_manifold import VERTICES
 from rungwise.system.planar.place import turns
 
@@ -90,7 +90,7 @@ def controlled_step(
         if part > 0 or probed or allowed > 0.0 or clock.bounces:
             length, _ = set_speeds(records, inputs, buffer, rung, workspace, length)
         status = UNDEFINED
-        if workspace.scratch.undefined[0] < 0:
+        if workspace.watched.undefined[0] < 0:
             status = attempt(records, rung, workspace, length, shortest)
             clock.attempts += 1
             clock.crowd += 1

@@ -13,11 +13,11 @@ from rungwise.scene.template.records import Records
 from rungwise.simulation.core.balance import keep_near, pushes_far
 from rungwise.simulation.core.step import SUPPORTED, is_bound_by_inertia, solve_step, vanishes
 from rungwise.simulation.core.tolerances import DRIVEN, NEAR, SHORTER
-from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.nearby import begin_step, gather
 from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.simulation.planar.step.preferred_motion import choose_motion
+from rungwise.simulation.watched.inputs import Inputs
 
 
 @kernel
@@ -66,7 +66,7 @@ def snaps_on(
     if clock.time <= clock.switched:
         return False
     part, _ = set_speeds(records, inputs, buffer, rung, workspace, SHORTER * min(h, clock.taken))
-    if workspace.scratch.undefined[0] >= 0:
+    if workspace.watched.undefined[0] >= 0:
         return False
     begin_step(records, rung, workspace, part)
     clock.contacts = gather(records, workspace)
