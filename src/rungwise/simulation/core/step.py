@@ -15,14 +15,13 @@ from rungwise.contact.step import (
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.entries import Velocities
-from rungwise.models.limit import LIMIT, STIR, limit_inertia
+from rungwise.models.limit import STIR, limit_inertia
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import solve_scratch, start_scratch
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
 from rungwise.simulation.core.laws.static_friction import hold_still, lets_slide
 from rungwise.simulation.core.notes import note, note_start, notes_all
 from rungwise.simulation.core.state import State, Trial, sizes_in
-from rungwise.simulation.core.tolerances import SHORTER
 from rungwise.system.skew import is_skew, widened
 from rungwise.system.terms import APART, METRIC, Terms
 
@@ -53,39 +52,6 @@ def solve_step(trial: Trial) -> int:
             return status
 
 
-@rare_kernel
-def vanishes(trial: Trial) -> bool:
-    """Whether the motion just solved vanishes with the step: less than half of it is left in a part of the
-    step, under the same loads, whose solution is left in the scratch. If not, what is closed where the step
-    begins is out of balance there."""
-    rung, h, terms, contacts, state, scratch, problem = trial
-    whole = _pace(terms, scratch.v_new)
-    status = solve_step(Trial(rung, SHORTER * h, terms, contacts, state, scratch, problem))
-    return bool(status == SUPPORTED and SHORTER * _pace(terms, scratch.v_new) < 0.5 * whole)
-
-
-@rare_kernel
-def is_bound_by_inertia(trial: Trial) -> bool:
-    """Whether the inertia that stands for none makes up a part of the balance in the step just solved, and
-    less than half of the motion is left where it is far more. The solution is left as it was."""
-    _, h, terms, _, state, scratch, problem = trial
-    if is_balanced(trial, LIMIT / SHORTER):
-        return False
-    clock, whole = state.clock[0], _pace(terms, scratch.v_new)
-    more = (1.0 / SHORTER - 1.0) * clock.eps / h
-    for i in range(clock.free):
-        for b in range(state.v.shape[0]):
-            problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
-        for j in range(clock.free):
-            problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
-    solved = solve_assembled(trial, False) == SOLVED
-    for i in range(clock.free):
-        scratch.v_new[state.free[i]] = scratch.x[i]
-    bound = not solved or _pace(terms, scratch.v_new) < 0.5 * whole
-    solve_step(trial)
-    return bool(bound)
-
-
 @kernel
 def _solve_or_hold(trial: Trial) -> int:
     """See `solve_step`."""
@@ -97,12 +63,12 @@ def _solve_or_hold(trial: Trial) -> int:
     doubtful = status == SUPPORTED and (_starts(trial) if dynamic else _lands(trial))
     if (status == SUPPORTED or dynamic) and not doubtful:
         return status
-    pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
+    before, first = pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
     if first:
         copy(scratch.v_new, scratch.other[:-1])
     held = _solve_balanced(trial, True) == SUPPORTED
     if held and doubtful:
-        held = _is_still(trial, scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
+        held = _is_still(trial, scratch.v_new) if dynamic else pace(terms, scratch.v_new) <= SLOWER * before
     if doubtful and not held:
         return _solve_balanced(trial, False)
     if held and first:
@@ -125,7 +91,7 @@ def _lands(trial: Trial) -> bool:
     """Whether something moves far faster than before, or than what is driven, to where open contacts stop it:
     it may have been held instead."""
     _, h, terms, contacts, state, scratch, _ = trial
-    now, before = _pace(terms, scratch.v_new), max(_pace(terms, state.v), _pace(terms, state.speed))
+    now, before = pace(terms, scratch.v_new), max(pace(terms, state.v), pace(terms, state.speed))
     if h * now <= STIR * terms.rounding[0] or now * SLOWER <= before:
         return False
     d = state.force.shape[1]
@@ -158,12 +124,12 @@ def _is_still(trial: Trial, v: Reals) -> bool:
 
 
 @kernel
-def _pace(terms: Terms, v: Reals) -> float:
+def pace(terms: Terms, v: Reals) -> float:
     """Greatest speed of a coordinate; an angle counts by its radius of gyration."""
-    pace = 0.0
+    fastest = 0.0
     for i in range(v.shape[0]):
-        pace = max(pace, abs(v[i]) * math.sqrt(terms.heft[i, METRIC]))
-    return pace
+        fastest = max(fastest, abs(v[i]) * math.sqrt(terms.heft[i, METRIC]))
+    return fastest
 
 
 @kernel

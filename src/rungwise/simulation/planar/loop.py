@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
-from rungwise.simulation.core.balance import keep_near
+from rungwise.simulation.core.held import keep_near
 from rungwise.simulation.core.step import UNSOLVED, solve_step
 from rungwise.simulation.core.tolerances import MAX_HALVINGS, NEAR, PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
@@ -296,7 +296,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             return MODEL_INVALID
         if status == REFUSED and moving > 0.0:
             moved = h * max(moving, _fastest(records, rung, workspace))
-            if moved < control[0].jam and _is_held(records, rung, workspace, h):
+            if moved < control[0].jam and _is_jammed(records, rung, workspace, h):
                 return JAMMED
         if status == UNDEFINED and h <= control[0].step:
             return INVALID
@@ -305,7 +305,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
 
 
 @rare_kernel
-def _is_held(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> bool:
+def _is_jammed(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> bool:
     """Whether a step of length h, linearised where it begins, has no solution by contacts alone that are
     closed there or that driven motion closes in it; their problem is left in the workspace. One that closes
     in just this step may leave it without solution, and the next step with one."""

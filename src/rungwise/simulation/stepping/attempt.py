@@ -25,10 +25,11 @@ from rungwise.kernel import (
     record_type,
     system_kernel,
 )
-from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
+from rungwise.simulation.core.balance import ask_speeds
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
+from rungwise.simulation.core.held import keep_near, pushes_far, vanishes
 from rungwise.simulation.core.state import Scratch, State, Trial
-from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step, vanishes
+from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR
 from rungwise.simulation.core.update_state import fill_pace, take_slots
 from rungwise.simulation.stepping.overlap import least_allowed, open_added

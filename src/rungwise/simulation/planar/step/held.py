@@ -1,6 +1,6 @@
 """Steps without momentum: the one question whether what is closed at their start balances the loads.
 
-See `core.balance`. Contacts that are closed, or that driven motion closes in the step, have to balance the
+See `core.held`. Contacts that are closed, or that driven motion closes in the step, have to balance the
 loads alone; and a motion that does not vanish with the step leads out of balance. It settles, because loads
 or drives have jumped, and is in balance after one step; or it goes on, and momentum decides where it rests
 (von Mises' truss).
@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import Records
-from rungwise.simulation.core.balance import keep_near, pushes_far
-from rungwise.simulation.core.step import SUPPORTED, is_bound_by_inertia, solve_step, vanishes
+from rungwise.simulation.core.held import is_bound_by_inertia, keep_near, pushes_far, vanishes
+from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, NEAR, SHORTER
 from rungwise.simulation.planar.state.nearby import begin_step, gather
 from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
