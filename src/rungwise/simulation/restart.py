@@ -12,7 +12,7 @@ from rungwise.scene import Scene, SceneError
 from rungwise.scene.template.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
-from rungwise.simulation.planar.loop import CLOSED, Setting, begin, slack
+from rungwise.simulation.planar.loop import CLOSED, Plane, Run, begin, slack
 from rungwise.simulation.planar.state.memory import go_on
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, PlaceError, State, StateError, digest, memory_of
@@ -31,7 +31,7 @@ class Before(NamedTuple):
     start: Reals
 
 
-def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspace: Workspace) -> str:
+def begin_at(state: State, scene: Scene, plane: Plane, run: Run, fresh: bool) -> str:
     """Prepare a run that goes on from a checked state; returns why it is invalid there, or an empty text. The
     schedule begins there if `fresh`, and goes on as the state's run followed it if not.
 
@@ -39,7 +39,8 @@ def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspac
     own run, by its errors and deformations. Raises PlaceError for a place outside its travel, and StateError
     for a memory that is not the state's.
     """
-    records, inputs, _, buffer, rung, control = setting
+    records, rung, workspace, control = plane.records, plane.rung, plane.workspace, run.control
+    inputs, buffer = run.setting.inputs, run.setting.buffer
     now = workspace.state
     memory = memory_of(state, digest(scene), now)
     if memory is not None and memory.inputs:
@@ -51,7 +52,7 @@ def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspac
     now.q[:], now.v[:], now.clock["time"] = state.q, state.v, state.time
     (begin_inputs if fresh else set_all)(inputs, buffer, workspace.watched)
     if memory is None:
-        return _begin_by_hand(state, scene, setting, workspace)
+        return _begin_by_hand(state, scene, plane, run)
     code = Code(begin(records, rung, control, workspace))
     if before is None:
         go_on(records, workspace, memory.values.copy())
@@ -64,10 +65,10 @@ def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspac
     return out_of_place(scene, records, workspace, before) if code == Code.INVALID else ""
 
 
-def _begin_by_hand(state: State, scene: Scene, setting: Setting, workspace: Workspace) -> str:
+def _begin_by_hand(state: State, scene: Scene, plane: Plane, run: Run) -> str:
     """Begin at a state that no run has left, as samples of a rollout do."""
-    records = setting.records
-    code = Code(begin_by_hand(records, setting.rung, setting.control, workspace))
+    records, workspace = plane.records, plane.workspace
+    code = Code(begin_by_hand(records, plane.rung, run.control, workspace))
     i = outside_travel(records, workspace)
     if i >= 0:
         raise _outside(state, records, i)

@@ -94,7 +94,7 @@ class Simulation(Turns):
         self._control["step"] = world["step"] if given.step is None else given.step
         self.end = self._end_of_inputs() if given.duration is None else given.duration
         self._control["duration"] = self.end
-        self._control["ends"] = given.duration is None and len(self.inputs) > 0
+        self._control["ends"] = Code.MISSED if given.duration is None and self.inputs else 0
         self._control["tolerance"] = world["tolerance"]
         self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
@@ -117,14 +117,17 @@ class Simulation(Turns):
             stride = 1 if given.tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.prefer[:] = preferred
         conditions, records = self.scene.template.conditions, self._bound.records
-        self._setting = loop.Setting(
-            records, compile_segments(self.scene, self.inputs),
-            (conditions.code, conditions.constants, conditions.table), self._bound.buffer, self._rung,
-            self._control,
+        self._plane = loop.Plane(records=records, rung=self._rung, workspace=self.workspace)
+        self._run = loop.Run(
+            loop.Setting(
+                self.workspace.watched, compile_segments(self.scene, self.inputs), self._bound.buffer
+            ),
+            (conditions.code, conditions.constants, conditions.table), self._control, np.zeros(0),
+            np.array([int(Code.RUNNING), 0]),
         )  # fmt: skip
         if state is None:
             take_start(records, self._rung, self.workspace.state)
-            begin_inputs(self._setting.inputs, self._bound.buffer, self.workspace.watched)
+            begin_inputs(self._run.setting.inputs, self._bound.buffer, self.workspace.watched)
             code = loop.begin(records, self._rung, self._control, self.workspace)
             if code == Code.INVALID:
                 self.reason = out_of_place(self.scene, records, self.workspace)
@@ -133,10 +136,12 @@ class Simulation(Turns):
                 raise ModelError(
                     f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}"
                 )
-            self.reason = begin_at(state, self.scene, self._setting, self._begins_inputs, self.workspace)
+            self.reason = begin_at(state, self.scene, self._plane, self._run, self._begins_inputs)
             self.is_misplaced = bool(self.reason)
         self.workspace.state.clock["stride"] = stride
-        self.reason = self.reason or impossible_times(self.scene, self._setting.inputs, self._bound.values)
+        self.reason = self.reason or impossible_times(
+            self.scene, self._run.setting.inputs, self._bound.values
+        )
         if self.reason:
             self.outcome = Code.INVALID
 
@@ -185,7 +190,7 @@ class Simulation(Turns):
 
     def _now(self) -> tuple[Reals, Reals, Reals]:
         assert self.workspace is not None
-        state, columns = self.workspace.state, self._setting.inputs.columns
+        state, columns = self.workspace.state, self._run.setting.inputs.columns
         return state.q.copy(), state.v.copy(), state.values[columns]
 
     def _contacts(self) -> Contacts:
@@ -203,8 +208,9 @@ class Simulation(Turns):
         began = float(clock[0]["opened"]) if last else 0.0 if state is None else state.time
         begin_inputs(self._growing.last, self._bound.buffer, self.workspace.watched)
         clock["segment"], clock["opened"] = last, began
-        if self._setting.inputs is not self._growing.whole:
-            self._setting = self._setting._replace(inputs=self._growing.whole)
+        if self._run.setting.inputs is not self._growing.whole:
+            setting = self._run.setting._replace(inputs=self._growing.whole)
+            self._run = self._run._replace(setting=setting)
         if not clock[0]["steps"]:  # what is driven begins at the speeds that are told, without a jump
             own = self._bound.records.coordinates
             led = own["drive"] == SPEED
@@ -232,7 +238,7 @@ class Simulation(Turns):
     def _load(self, workspace: Workspace) -> None:
         """Load the loop before the clock starts, and record the start."""
         if workspace.state.clock[0]["frames"] == 0:
-            self._take(0, np.zeros(1, np.int64), workspace)
+            self._take(0, np.zeros(1, np.int64))
 
     def _turned(self, steps: int | None, workspace: Workspace) -> None:
         """One turn, and where it ended the run, why."""
@@ -241,9 +247,9 @@ class Simulation(Turns):
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
             with set_at(clock() + TURN_S, [signals]):
-                self.outcome = self._take(self._turn, signals, workspace)
+                self.outcome = self._take(self._turn, signals)
         else:
-            self.outcome = self._take(steps, signals, workspace)
+            self.outcome = self._take(steps, signals)
         took = time.perf_counter() - began - (linking_time() - waited)
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
@@ -255,6 +261,7 @@ class Simulation(Turns):
             self.outcome, self.reason, self.certificate, self.problem = ended[:4]
             if self.outcome == Code.NOT_CONVERGED and self._goes_on(ended.balance):
                 self.outcome, self.reason, self.problem = Code.RUNNING, "", None
+                self._run.verdict[0] = Code.RUNNING
         if self.outcome != Code.RUNNING and self.hard is not None:
             self._save_last(self.hard, workspace)
 
@@ -276,8 +283,8 @@ class Simulation(Turns):
         if self.outcome == Code.NOT_CONVERGED and last is not None:
             self.reason += f" Here: rungwise solve {last}"
 
-    def _take(self, turns: int, signals: Ints, workspace: Workspace) -> Code:
-        return Code(self._advance(self._setting, workspace, turns, signals))
+    def _take(self, turns: int, signals: Ints) -> Code:
+        return Code(self._advance(self._plane, self._run, turns, signals))
 
     def result(self) -> Run:
         """The run as far as it has come."""

@@ -20,7 +20,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.template import records as rec
 from rungwise.simulation.inputs import compiled
 from rungwise.simulation.options import ModelError, RunOptions, count, preferences
-from rungwise.simulation.planar.loop import STOPPED
+from rungwise.simulation.planar.loop import STOPPED, Plane
 from rungwise.simulation.planar.samples import (
     OPTIONS,
     RESULT,
@@ -139,7 +139,7 @@ class Workers:
         )
         samples.results["margin"] = math.nan
         signals = np.zeros(1, np.int64)
-        with deadline.running(signals, *(place.workspace.scratch.halt for place in self._made)):
+        with deadline.running(signals, *(place.plane.workspace.scratch.halt for place in self._made)):
             self._make(samples, chunk, signals, on_progress)
         return samples
 
@@ -173,7 +173,7 @@ class Workers:
     def _halt(self, value: int) -> None:
         """End the steps that threads take, or let them take steps again."""
         for place in self._made:
-            place.workspace.scratch.halt[0] = value
+            place.plane.workspace.scratch.halt[0] = value
 
     def _chunk(self, samples: Samples, first: int, last: int, signals: Ints) -> int:
         place = self._places.get()
@@ -203,7 +203,7 @@ class Workers:
         """The workspace of a thread that rests."""
         place = self._places.get()
         self._places.put(place)
-        return place.workspace
+        return place.plane.workspace
 
     def _place(self) -> Place:
         """Arrays of one thread."""
@@ -217,7 +217,12 @@ class Workers:
             self._until,
         )  # fmt: skip
         return Place(
-            buffer=buffer, control=np.zeros(1, CONTROL), records=records, inputs=inputs, workspace=workspace
+            buffer=buffer,
+            control=np.zeros(1, CONTROL),
+            inputs=inputs,
+            plane=Plane(records=records, rung=self._rung, workspace=workspace),
+            margins=np.zeros(2),
+            verdict=np.zeros(2, np.int64),
         )
 
 

@@ -117,3 +117,38 @@ def remember(system: Any, setting: Any, out: Reals, bits: Ints, at: int) -> int:
 def tell_frame(system: Any, setting: Any, out: Reals, at: int) -> int:
     """Write what else is to be known of the state of a run, its energy first; returns as `remember`."""
     raise NotImplementedError
+
+
+# What the loop of a run asks (see `simulation.core.loop`), of `run` as well, which is told with the system.
+
+
+@Contract
+def take_step(system: Any, run: Any, h: float) -> int:
+    """Take a step of length h, or a shorter one, whose length is then `clock.taken`, and `clock.next` that
+    for the next one; returns how it ended (see `core.loop`)."""
+    raise NotImplementedError
+
+
+@Contract
+def see(system: Any, run: Any, h: float) -> None:
+    """Let conditions read the state that a step of length h led to."""
+    raise NotImplementedError
+
+
+@Contract
+def keep_run(system: Any, run: Any) -> None:
+    """Keep the run, but for the values that conditions read, as it is before a step."""
+    raise NotImplementedError
+
+
+@Contract
+def take_back_run(system: Any, run: Any) -> None:
+    """Bring back the run as it was kept, but for counts of what was tried."""
+    raise NotImplementedError
+
+
+@Contract
+def spent(system: Any, run: Any, waits: bool) -> int:
+    """The verdict on a state that no condition decides; `waits`: some part of a condition may hold for long
+    enough later."""
+    raise NotImplementedError

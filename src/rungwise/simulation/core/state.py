@@ -19,17 +19,18 @@ STATIC, KINETIC, IMPULSIVE = 0, 1, 2
 
 COUNTS = "steps attempts solves limited free bounced leans surfaces crowd blamed votes " + PLACE[0]
 TIMES = (
-    "time tried next eps theta residual worst_residual drive_work load_work contact_work support_work"
+    "time tried taken next eps theta residual worst_residual drive_work load_work contact_work support_work"
     " joint_work gained leapt mark " + PLACE[1]
 )
 CLOCK = record_type(COUNTS, TIMES)
 """steps taken, attempts at them, and problems solved for all that was tried; limited rows and free
 coordinates in use; `bounced`: whether restitution applied in this step; `leans`: whether its problem starts
 from the velocity `wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last
-attempt, `next` the one to try next; `eps` and `theta` belong to its problem; then its residual and the worst
-so far, the work of all steps taken, and `gained`, the energy that bounces added. `leapt` is how far the last
-step moved bodies by what does not vanish with its length. At `mark` the last nominal step began, `crowd`
-attempts ago; `blamed` keeps most steps short, by `votes` (see `core.crawl`). For the rest see `PLACE`."""
+attempt, `taken` of the last step, `next` the one to try next; `eps` and `theta` belong to its problem; then
+its residual and the worst so far, the work of all steps taken, and `gained`, the energy that bounces added.
+`leapt` is how far the last step moved bodies by what does not vanish with its length. At `mark` the last
+nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes` (see `core.crawl`). For
+the rest see `PLACE`."""
 
 
 class State(Block):

@@ -92,7 +92,7 @@ class Assembly(Steps):
 
     def tell(self, levels: Array) -> None:
         run = self._simulation
-        inputs = run._setting.inputs
+        inputs = run._run.setting.inputs
         self.state.values[inputs.columns] = levels
         set_all(inputs, run._bound.buffer, self.workspace.watched)
 
@@ -193,7 +193,7 @@ class Assembly(Steps):
         """Set speeds of prescribed coordinates; returns the length of the step that their travel allows."""
         run = self._simulation
         h, _ = prescribed_speeds.set_speeds(
-            self.records, run._setting.inputs, run._bound.buffer, self.rung, self.workspace, self.h
+            self.records, run._run.setting.inputs, run._bound.buffer, self.rung, self.workspace, self.h
         )
         return float(h)
 

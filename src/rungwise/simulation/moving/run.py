@@ -22,6 +22,7 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
 from rungwise.scene.language.expression import SLOTS
 from rungwise.scene.stated import StatedScene
+from rungwise.simulation.core.loop import begin_run
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.live.growing import Growing
@@ -41,7 +42,6 @@ from rungwise.simulation.stepping.loop import (
     Loop,
     allocate_margins,
     allocate_snapshot,
-    begin_run,
     take_steps,
 )
 from rungwise.simulation.stepping.record import HEAD, allocate_recorded, put_memory, record
@@ -116,7 +116,8 @@ class MovingSimulation(Turns, Kind):
         # A run that goes on where a condition ended a segment takes steps as long as the run before.
         whole = max(self.end, given.duration or sum(each.duration for each in self.inputs))
         control = self._loop.control
-        control["ends"] = bool(self.inputs) and given.duration is None
+        over = Code.MISSED if scene.file.goal else Code.TIMEOUT
+        control["ends"] = over if self.inputs and given.duration is None else 0
         control["step"], control["duration"], control["tolerance"] = self.step, self.end, bound.tolerance
         control["longest"] = self.step if given.tol is None else (given.span or whole) / LONGEST
         control["error"] = 0.0 if given.tol is None else given.tol

@@ -3,7 +3,8 @@
 The way of one step, from the outside in:
 
     advance           the steps of a turn, and a frame after each
-    run_step          a run's step: drives, halving until it has a solution, conditions
+    core.run_step     a step, taken back where a condition begins to hold on its way; conditions, schedule
+    take_step         a step: drives, halving until it has a solution
     controlled_step   a step of controlled length: whole and in halves, until the two agree; or just one step
     attempt           one attempt at a length: terms, motion, place, look; accepted, or taken back
     choose_motion     the slowest motion, or of several admissible ones the preferred
@@ -16,10 +17,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.held import keep_near
-from rungwise.simulation.core.step import UNSOLVED, solve_step
+from rungwise.simulation.core.loop import NOWHERE, SUNK, begin_run, is_taken, run_step
+from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, solve_step
 from rungwise.simulation.core.tolerances import MAX_HALVINGS, NEAR, PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.laws import tell_laws
@@ -30,11 +33,9 @@ from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.verdicts import (
     INVALID,
     JAMMED,
-    MISSED,
     MODEL_INVALID,
     NO_SUPPORT,
     NOT_CONVERGED,
-    TIMEOUT,
     has_sunk,
     spent,
     withholds,
@@ -45,18 +46,11 @@ from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, T
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.error_control import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.step.midpoint_rows import is_centred
-from rungwise.simulation.watched.held_since import DATINGS, clear_times, is_over, lasts
-from rungwise.simulation.watched.inputs import (
-    Inputs,
-    is_guarded,
-    shortened,
-    show_inputs,
-    switch_inputs,
-    until_lasts,
-    until_margin,
-)
-from rungwise.simulation.watched.values import Conditions
-from rungwise.simulation.watched.verdicts import RUNNING, ended, first_times, judge, look_back, next_end
+from rungwise.simulation.watched.held_since import clear_times
+from rungwise.simulation.watched.inputs import Inputs, show_inputs
+from rungwise.simulation.watched.values import Conditions, Watched
+from rungwise.simulation.watched.verdicts import RUNNING
+from rungwise.system import contract
 from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -65,23 +59,42 @@ from rungwise.system.planar.pressed import spread_loads
 from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART, METRIC
 
+HALTED, SNAPPED = 3, 7
+"""Statuses beside those of `core.loop`: the step is given up; a leap goes on however short the step."""
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 
 
-class Setting(NamedTuple):
-    """What steps of a run are taken by: the scene's records; its inputs, the numbers that vary in time, and
-    the buffer that binding reads them from; programs of the scene's conditions; rung, and control of
-    steps."""
+class Plane(Block):
+    """A scene in the plane as the loop of its run knows it."""
 
     records: Records
-    inputs: Inputs
-    conditions: Conditions
-    buffer: Reals
     rung: RecordArray
+    workspace: Workspace
+
+
+class Setting(NamedTuple):
+    """What steps of a run are told by: the inputs, the numbers that vary in time, and the buffer that binding
+    reads them from."""
+
+    watched: Watched
+    inputs: Inputs
+    buffer: Reals
+
+
+class Run(NamedTuple):
+    """What a run is made by beside its scene: what tells it its inputs; programs of the scene's conditions;
+    control of steps; the greatest margins so far, of the goal, and of the unsafe or doomed condition that is
+    nearer (2,), empty where nobody asks; the verdict as it stands, and whether it is that a segment's
+    condition did not hold in its time (2,)."""
+
+    setting: Setting
+    conditions: Conditions
     control: RecordArray
+    margins: Reals
+    verdict: Ints
 
 
 @kernel
@@ -169,139 +182,121 @@ def _comes_apart(records: Records, workspace: Workspace) -> bool:
 
 
 @kernel
-def advance(setting: Setting, workspace: Workspace, turns: int, signals: Ints) -> int:
+def advance(plane: Plane, run: Run, turns: int, signals: Ints) -> int:
     """Take at most `turns` steps, until signalled to stop; returns the outcome, RUNNING if the run has not
     ended."""
-    records, rung = setting.records, setting.rung
+    clock = plane.workspace.state.clock[0]
+    if clock.frames == 0:
+        begin_run(plane, run)
+        record(plane.records, plane.rung, plane.workspace, True)
+    for _ in range(turns):
+        if run.verdict[0] != RUNNING or signals[STOPPED] != 0:
+            break
+        taken = is_taken(run_step(plane, run))
+        if not taken and run.verdict[0] == RUNNING:
+            break
+        record(plane.records, plane.rung, plane.workspace, run.verdict[0] != RUNNING)
+    return int(run.verdict[0])
+
+
+@contract.take_step.given_by(Plane)
+@kernel
+def take_step(plane: Plane, run: Run, h: float) -> int:
+    """Take one step, halved as long as it has no solution; the verdict says what it means where it has none.
+    None is taken where it is halted first."""
+    records, rung, workspace, s, control = (
+        plane.records,
+        plane.rung,
+        plane.workspace,
+        run.setting,
+        run.control,
+    )
     state = workspace.state
     clock = state.clock[0]
-    if clock.frames == 0:
-        clock.outcome = first_verdict(setting, workspace)
-        record(records, rung, workspace, True)
-    for _ in range(turns):
-        if clock.outcome != RUNNING or signals[STOPPED] != 0:
-            break
-        steps = clock.steps
-        clock.outcome = run_step(setting, workspace)
-        if clock.steps == steps and clock.outcome == RUNNING:
-            break
-        record(records, rung, workspace, clock.outcome != RUNNING)
-    return clock.outcome
-
-
-@kernel
-def first_verdict(setting: Setting, workspace: Workspace) -> int:
-    """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
-    segment has no time left for its condition."""
-    inputs, control = setting.inputs, setting.control
-    if inputs.rests[0]:
-        set_ways(setting.records, workspace.state)
-    if not first_times(setting.conditions, inputs, workspace.watched):
-        return INVALID
-    verdict = judge(setting.conditions, workspace.watched)
-    if switch_inputs(inputs, setting.buffer, 0.0, workspace.watched):
-        return TIMEOUT if verdict == RUNNING else verdict
-    spent_all = workspace.state.clock[0].segment >= inputs.durations.shape[0]
-    return MISSED if verdict == RUNNING and control[0].ends and spent_all else verdict
-
-
-@kernel
-def run_step(setting: Setting, workspace: Workspace) -> int:
-    """Take one step, halved as long as it has no solution; a step longer than a nominal step ends before a
-    condition holds, so that the condition's beginning is known to a nominal step. None is taken where it is
-    halted first."""
-    records, inputs, conditions, buffer, rung, control = setting
-    state, watched = workspace.state, workspace.watched
-    clock = state.clock[0]
-    planned = min(clock.next, control[0].longest)
-    stop, lasting, dated = clock.switch, lasts(conditions) or until_lasts(inputs), 0
-    if lasting:
-        stop = min(stop, next_end(conditions, inputs, -math.inf, watched))
-    h = min(planned, control[0].duration - clock.time, stop - clock.time)
-    cut = stop - clock.time < planned
-    past, guarded = False, is_guarded(inputs, watched)
-    before = until_margin(inputs, watched) if guarded else -math.inf
-    if h > control[0].step or lasting:
-        copy(state.values, watched.begun)
-    if guarded or lasting:
-        keep(workspace, workspace.kept)
     for _ in range(MAX_HALVINGS):
         if workspace.scratch.halt[0] != 0:
-            return RUNNING
-        h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
+            return HALTED
+        h, moving = set_speeds(records, s.inputs, s.buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
-            return NOT_CONVERGED
+            break
         if clock.lifts and lands(records, workspace):
             if h <= control[0].step:
-                return INVALID
+                return _ends(run, INVALID)
             h = max(0.5 * h, control[0].step)
             continue
-        status, h, following = controlled_step(records, inputs, buffer, rung, control, workspace, h)
+        status, h, following = controlled_step(records, s.inputs, s.buffer, rung, control, workspace, h)
         if status != TAKEN and workspace.scratch.halt[0] != 0:
-            return RUNNING
+            return HALTED
         if status == TAKEN:
             if rung[0].metric:
                 _note_leap(records, h, state)
-            if clock.varies:
-                show_inputs(inputs, watched)
-            if inputs.rests[0]:
-                set_ways(records, state)
-            verdict = judge(conditions, watched)
-            if h > control[0].step:
-                clear = look_back(verdict, conditions, inputs, control, h, watched)
-                if clear < 1.0:
-                    restore(records, workspace)
-                    h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
-                    past = True
-                    continue
-            part = shortened(inputs, control, before, h, watched) if guarded else 1.0
-            if part < 1.0:
-                restore(records, workspace)
-                h, past = part * h, True
-                continue
-            waits = False
-            if lasting:
-                end = ended(conditions, inputs, h, dated < DATINGS, watched)
-                if end < clock.time:
-                    restore(records, workspace)
-                    stop, cut, dated = end, True, dated + 1
-                    h = end - clock.time
-                    continue
-                waits = end < math.inf
-                verdict = judge(conditions, watched)
             clock.steps += 1
-            clock.taken = h
-            clock.next = control[0].step if past else following
-            if cut and following >= h and is_over(stop, clock.time, h):
-                clock.next = max(clock.next, planned)
+            clock.taken, clock.next, clock.moving = h, following, moving
             if withholds(records, state):
                 clock.next = min(clock.next, control[0].step)
             if rung[0].compliant and has_sunk(records, state):
-                return MODEL_INVALID
-            if verdict != RUNNING:
-                return verdict
-            left = clock.segment < inputs.durations.shape[0]
-            if left and switch_inputs(inputs, buffer, h, watched):
-                return TIMEOUT
+                run.verdict[0] = MODEL_INVALID
+                return SUNK
             if crawls(control, state):
-                return NOT_CONVERGED
-            return spent(records, control, workspace, moving, inputs, waits)
+                run.verdict[0] = NOT_CONVERGED
+                return NOWHERE
+            return SUPPORTED
         if status == LEFT_UNSUPPORTED:
             if h <= control[0].step:
-                return NO_SUPPORT
+                return _ends(run, NO_SUPPORT)
             h = max(0.5 * h, control[0].step)
             continue
         if status == LEAPT:
             clock.snapped = 1
-            return MODEL_INVALID
+            run.verdict[0] = MODEL_INVALID
+            return SNAPPED
         if status == REFUSED and moving > 0.0:
             moved = h * max(moving, _fastest(records, rung, workspace))
             if moved < control[0].jam and _is_jammed(records, rung, workspace, h):
-                return JAMMED
+                return _ends(run, JAMMED)
         if status == UNDEFINED and h <= control[0].step:
-            return INVALID
+            return _ends(run, INVALID)
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
-    return NOT_CONVERGED
+    return _ends(run, NOT_CONVERGED)
+
+
+@inner_kernel
+def _ends(run: Run, verdict: int) -> int:
+    """The run ends with a step that was not taken."""
+    run.verdict[0] = verdict
+    return UNSOLVED
+
+
+@contract.see.given_by(Plane)
+@kernel
+def see(plane: Plane, run: Run, _h: float) -> None:
+    """Places, gaps and forces are told where they are read; inputs vary, and so do ways."""
+    clock, s = plane.workspace.state.clock[0], run.setting
+    if clock.varies:
+        show_inputs(s.inputs, s.watched)
+    if s.inputs.rests[0]:
+        set_ways(plane.records, plane.workspace.state)
+
+
+@contract.keep_run.given_by(Plane)
+@kernel
+def keep_run(plane: Plane, run: Run) -> None:
+    """Steps whose error is controlled keep it themselves."""
+    if run.control[0].error == 0.0:
+        keep(plane.workspace, plane.workspace.kept)
+
+
+@contract.take_back_run.given_by(Plane)
+@kernel
+def take_back_run(plane: Plane, _run: Run) -> None:
+    restore(plane.records, plane.workspace)
+
+
+@contract.spent.given_by(Plane)
+@kernel
+def is_spent(plane: Plane, run: Run, waits: bool) -> int:
+    moving = plane.workspace.state.clock[0].moving
+    return int(spent(plane.records, run.control, plane.workspace, moving, run.setting.inputs, waits))
 
 
 @rare_kernel

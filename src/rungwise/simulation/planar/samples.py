@@ -8,16 +8,16 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, kernel, record_type
 from rungwise.scene.bind.bind import bind
 from rungwise.scene.template.faults import BOUND
-from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Bounds, Numbers
+from rungwise.simulation.core.loop import begin_run, run_step
 from rungwise.simulation.planar.begin import begin_by_hand, take_start
-from rungwise.simulation.planar.loop import STOPPED, Setting, begin, first_verdict, run_step
+from rungwise.simulation.planar.loop import STOPPED, Plane, Run, Setting, begin
 from rungwise.simulation.planar.state.memory import clear, go_on
-from rungwise.simulation.planar.state.verdicts import INVALID, MODEL_INVALID, NOT_CONVERGED, crushed
+from rungwise.simulation.planar.state.verdicts import INVALID, MISSED, MODEL_INVALID, NOT_CONVERGED, crushed
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.watched.inputs import Inputs, begin_inputs
 from rungwise.simulation.watched.values import Conditions
-from rungwise.simulation.watched.verdicts import GOAL, RUNNING, margins
+from rungwise.simulation.watched.verdicts import GOAL, RUNNING
 
 RESULT = record_type("outcome steps attempts solves switches", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
@@ -44,14 +44,15 @@ class Programs(Block):
 
 
 class Place(Block):
-    """The arrays of one thread: the numbers of its sample, the records that are views of them, the inputs,
-    the workspace."""
+    """The arrays of one thread: the numbers of its sample, control and inputs of its run, the records that
+    are views of these numbers with the workspace, margins and verdict (see `Run`)."""
 
     buffer: Reals
     control: RecordArray
-    records: Records
     inputs: Inputs
-    workspace: Workspace
+    plane: Plane
+    margins: Reals
+    verdict: Ints
 
 
 class Samples(Block):
@@ -106,7 +107,7 @@ def run_samples(
         result[0].margin = math.nan
         result[0].steps = result[0].attempts = result[0].solves = result[0].switches = 0
         result[0].time = result[0].worst_residual = 0.0
-        state = place.workspace.state
+        state = place.plane.workspace.state
         result[0].outcome = INVALID
         if samples.wrong[i] == 0 and _prepare(programs, rung, options, columns, samples, i, place):
             result[0].outcome = _run(conditions, rung, options, samples, i, signals, place, result)
@@ -128,7 +129,7 @@ def _prepare(
     place: Place,
 ) -> bool:
     """Bind sample i and begin its run; whether that is possible."""
-    workspace, control, records = place.workspace, place.control, place.records
+    workspace, control, records = place.plane.workspace, place.control, place.plane.records
     state = workspace.state
     if not _bind(programs, columns, samples.points[i], place):
         state.q[:] = math.nan
@@ -168,7 +169,7 @@ def _set_schedule(samples: Samples, i: int, options: RecordArray, place: Place) 
     for k in range(levels.shape[0]):
         copy(row[k], levels[k])
     if math.isnan(options[0].duration):
-        control.duration, control.ends = place.workspace.state.clock[0].time, 1
+        control.duration, control.ends = place.plane.workspace.state.clock[0].time, MISSED
         for k in range(durations.shape[0]):
             control.duration += durations[k]
 
@@ -185,7 +186,7 @@ def _run(
     result: RecordArray,
 ) -> int:
     """Run one sample that has begun; returns its outcome, and writes the rest into result[0]."""
-    workspace, control = place.workspace, place.control
+    workspace, control = place.plane.workspace, place.control
     state, kept = workspace.state, samples.kept
     clock = state.clock[0]
     began = clock.time
@@ -193,25 +194,27 @@ def _run(
     if options[0].tol > 0.0:
         span = control[0].duration if math.isnan(options[0].span) else options[0].span
         control[0].longest = span / options[0].longest
-    setting = Setting(place.records, place.inputs, conditions, place.buffer, rung, control)
-    outcome = first_verdict(setting, workspace)
-    best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
+    setting = Setting(workspace.watched, place.inputs, place.buffer)
+    run = Run(setting, conditions, control, place.margins, place.verdict)
+    place.margins[:], place.verdict[:] = -math.inf, RUNNING
+    begin_run(place.plane, run)
     ended = _keep_switches(samples, i, 0, workspace)
+    outcome = int(run.verdict[0])
     while outcome == RUNNING and signals[STOPPED] == 0 and workspace.scratch.halt[0] == 0:
         if clock.steps >= options[0].budget or clock.crowd >= NOWHERE * options[0].budget:
             outcome = NOT_CONVERGED
             break
-        outcome = run_step(setting, workspace)
+        run_step(place.plane, run)
+        outcome = int(run.verdict[0])
         if outcome == NOT_CONVERGED and crushed(rung, workspace) >= 0:
             outcome = MODEL_INVALID
-        best, danger = _watch(conditions, workspace, best, danger)
         ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:
         copy(state.memory, kept[i, ended])
     left = 0.0
     if control[0].duration > began:
         left = 1.0 - (clock.time - began) / (control[0].duration - began)
-    result[0].margin = _margin(outcome, best, danger, left)
+    result[0].margin = _margin(outcome, place.margins[0], place.margins[1], left)
     result[0].steps, result[0].attempts, result[0].switches = clock.steps, clock.attempts, ended
     result[0].solves = clock.solves
     result[0].time, result[0].worst_residual = clock.time, clock.worst_residual
@@ -232,7 +235,7 @@ def _keep_switches(samples: Samples, i: int, ended: int, workspace: Workspace) -
 @kernel
 def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool:
     """Write the sample's numbers into the thread's records; false when the scene is impossible there."""
-    values, records = place.workspace.state.values, place.records
+    values, records = place.plane.workspace.state.values, place.plane.records
     values[:] = 0.0
     for j in range(programs.parameters.shape[0]):
         values[j] = programs.parameters[j]
@@ -240,7 +243,7 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
         values[columns[j]] = point[j]
     for j in range(place.buffer.shape[0]):
         place.buffer[j] = programs.buffer[j]
-    stack = place.workspace.watched.stack
+    stack = place.plane.workspace.watched.stack
     fault, _ = bind(programs.numbers, programs.bounds, values, stack, place.buffer, records)
     values[values.shape[0] - 1] = records.world[0].tolerance
     return fault == BOUND
@@ -249,20 +252,13 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
 @kernel
 def _set_control(options: RecordArray, place: Place) -> None:
     """Set step, duration and tolerances of this sample."""
-    world, control, wanted = place.records.world[0], place.control[0], options[0]
+    world, control, wanted = place.plane.records.world[0], place.control[0], options[0]
     control.ends = 0
     control.step = world.step if math.isnan(wanted.step) else wanted.step
     control.duration = world.duration if math.isnan(wanted.duration) else wanted.duration
     control.tolerance = world.tolerance
     control.error = wanted.tol
     control.jam = wanted.jam * world.tolerance
-
-
-@kernel
-def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
-    """Greatest margins so far: of the goal, and of the unsafe and doomed conditions."""
-    goal, near = margins(conditions, workspace.watched)
-    return goal if goal > best else best, near if near > danger else danger
 
 
 @kernel

@@ -296,7 +296,6 @@ class Reasons:
     def _go_on(self) -> None:
         """Let the run go on: the frame recorded as the last frame is not the last."""
         state, frames = self.workspace.state, self.workspace.frames
-        state.clock["outcome"] = Code.RUNNING
         state.clock["frames"] -= 1
         state.impulse[:] += frames.impulse[int(state.clock[0]["frames"])]
 

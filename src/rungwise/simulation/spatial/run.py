@@ -15,6 +15,7 @@ from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault
 from rungwise.simulation.moving.frames import Row
 from rungwise.simulation.moving.run import MovingSimulation
+from rungwise.simulation.spatial import steps as _steps  # noqa: F401
 from rungwise.simulation.spatial.begin import faults_before, misplaced
 from rungwise.simulation.spatial.frames import Frame, contacts_of, frame_of
 from rungwise.simulation.spatial.memory import recall

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rungwise.kernel import Reals, copy, inner_kernel, kernel, system_kernel
+from rungwise.kernel import Reals, copy, kernel, system_kernel
 from rungwise.simulation.core.crawl import BENT, CAUSES, OVERLAPPING, culprit, lead_nowhere, voted
+from rungwise.simulation.core.loop import NOWHERE, SUNK
 from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import MAX_HALVINGS, SHORTER, SINKING
 from rungwise.simulation.core.update_state import accept
@@ -30,19 +31,12 @@ from rungwise.simulation.watched.values import TIME
 from rungwise.system import contract
 from rungwise.system.contract import fastest, fill_speeds, follow, lacks_room, least_gap, until_edge
 
-NO_ROOM, UNDEFINED, SNAPS, SUNK, NOWHERE = 5, 6, 7, 8, 9
-"""Statuses beside those of an attempt: the system had no room for its contacts, and nothing was done; a
-number that is told is not finite; what leapt goes on (see `snaps_on`); and, of steps that were taken: a
-contact yields too far for its model, or steps lead nowhere (see `core.crawl`)."""
+NO_ROOM, UNDEFINED, SNAPS = 5, 6, 7
+"""Statuses beside those of an attempt and of `core.loop`: the system had no room for its contacts, and
+nothing was done; a number that is told is not finite; what leapt goes on (see `snaps_on`)."""
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
-
-
-@inner_kernel
-def is_taken(status: int) -> bool:
-    """Whether a step was taken."""
-    return status in (SUPPORTED, SUNK, NOWHERE)
 
 
 @system_kernel
@@ -199,7 +193,7 @@ def _keep_motion(time: float, h: float, far: float, v: Reals, kept: Reals) -> No
 def take(system: Any, s: Setting, h: float) -> int:
     """Take the step over that was tried."""
     clock, note, a = s.state.clock[0], s.attempt.note[0], s.attempt
-    begun = clock.time
+    begun, clock.taken = clock.time, h
     sunk = accept(trial_of(s, h))
     contract.accept(system, a.trial, s.state.v, trial_of(s, h))
     copy(a.trial, a.q)

@@ -12,12 +12,39 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.laws.further import Further
 from rungwise.simulation.core.state import Trial
+from rungwise.simulation.stepping.loop import (
+    Loop,
+    advance_loop,
+    keep_loop,
+    see_state,
+    spent_loop,
+    take_back_loop,
+)
 from rungwise.system import contract
 from rungwise.system.moving import OF_GAPS, POSED, RESTS, Asked, Crowded, Moment, System
 from rungwise.system.terms import Terms
 
 
-class ToldSystem:
+class InLoop:
+    """What the loop of a run asks of a system in Python."""
+
+    def take_step(self, run: Loop, h: float) -> int:
+        return int(advance_loop(self, run, h))
+
+    def see(self, run: Loop, h: float) -> None:
+        see_state(self, run, h)
+
+    def keep_run(self, run: Loop) -> None:
+        keep_loop(self, run)
+
+    def take_back_run(self, run: Loop) -> None:
+        take_back_loop(self, run)
+
+    def spent(self, run: Loop, waits: bool) -> int:
+        return int(spent_loop(self, run, waits))
+
+
+class ToldSystem(InLoop):
     """A system of kernels (its `mechanism`) whose contacts have further laws, which are Python; what steps
     ask beside these, the kernels answer."""
 
@@ -36,7 +63,7 @@ class ToldSystem:
 
 
 @dataclass
-class PlainSystem:
+class PlainSystem(InLoop):
     """A system, and its further laws of contact if it has any, with the methods of `system.contract`.
     `crowded` is what the last `fill` without room raised; pairs of bodies are those of the frames' gaps."""
 

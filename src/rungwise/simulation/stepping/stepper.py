@@ -23,14 +23,13 @@ from rungwise.simulation.core.crawl import FAR, OVERLAPPING, Leap
 from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
 from rungwise.simulation.core.limit_surface import without_law
+from rungwise.simulation.core.loop import NOWHERE, SUNK
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import NEAR, PAUSE, ROUNDING
 from rungwise.simulation.stepping.advance import (
     NO_ROOM,
-    NOWHERE,
     SNAPS,
-    SUNK,
     UNDEFINED,
     advance,
     fill_here,

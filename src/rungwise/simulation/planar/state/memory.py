@@ -7,7 +7,6 @@ from rungwise.scene.template.records import Records
 from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
-from rungwise.simulation.watched.verdicts import RUNNING
 from rungwise.system.planar.contact_manifold import ABSENT, UNKNOWN
 from rungwise.system.planar.near import is_listed
 from rungwise.system.planar.place import place
@@ -120,7 +119,6 @@ def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
     clock.centred = centred
     workspace.terms.rounding[0] = ROUNDING * clock.extent
     clock.steps = clock.attempts = clock.solves = clock.frames = clock.since = 0
-    clock.outcome = RUNNING
     clock.worst_residual = 0.0
 
 

@@ -140,14 +140,11 @@ def spent(
     inputs: Inputs,
     waits: bool,
 ) -> int:
-    """Verdict of a state that no condition decides: out of time, at rest with all inputs spent, unless some
-    part of a condition `waits` to have held long enough, or at the end of the schedule with which the run
-    ends."""
+    """Verdict of a state that no condition decides: out of time, or at rest with all inputs spent, unless
+    some part of a condition `waits` to have held long enough."""
     state = workspace.state
     clock = state.clock[0]
     left = inputs.durations.shape[0] - clock.segment
-    if control[0].ends and left == 0:
-        return MISSED
     driven, others = clock.free < state.q.shape[0], clock.varies + left + records.potentials.shape[0]
     others += joints.any_driven(records) + inputs.timed[1] + waits
     over = clock.time >= control[0].duration * (1.0 - 1e-12)

@@ -20,14 +20,13 @@ from rungwise.system.terms import Terms
 
 CLOCK = record_type(
     core.COUNTS
-    + " outcome contacts frames since stride bounces drives chooses leaper jumps lifts laws landed centred"
+    + " contacts frames since stride bounces drives chooses leaper jumps lifts laws landed centred"
     " lost snapped refusal meets",
-    core.TIMES
-    + " taken margin extent near least_gap reach smallest thin leap leap_time leap_step jump_time shake"
-    " stray stray_time stray_step bend leaping",
+    core.TIMES + " margin extent near least_gap reach smallest thin leap leap_time leap_step jump_time shake"
+    " stray stray_time stray_step bend leaping moving",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
-contact may bounce. `taken` is the last step's length; `reach` is the longest
+contact may bounce. `reach` is the longest
 lever arm, `extent` the farthest distance at the start, `smallest` the least reach of a shape, `thin` the
 thickness of the thinnest pair. In the step of `leap_step` up to
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
@@ -41,7 +40,8 @@ another.
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `leaping` is how
 far the step that is tried moves bodies by what does not vanish with its length, and `snapped` says that such
-a motion ended the run (see `step.held`). `refusal` is what the last step was short for, and `meets` is the
+a motion ended the run (see `step.held`). `moving` is the speed of the fastest that is
+driven; `refusal` is what the last step was short for, and `meets` is the
 slot of the contact that ended one (see `step.blame`)."""
 
 
