@@ -522,13 +522,6 @@ FAULTS = (
          "test_a_spring_that_snaps_over_a_ridge_is_told_however_little_it_moves",),
         "what vanishes with the step leaps, and what leaps does not",
     ),
-    Fault(
-        "leap-alone", "src/rungwise/simulation/core/held.py",
-        "if is_near(trial, near, k):", "if not is_near(trial, near, k):",
-        ("tests/simulation/test_leaps.py::"
-         "test_what_nothing_holds_is_unsupported_however_far_it_would_go",),
-        "contacts that are far hold bodies, and those that are near do not",
-    ),
     # Fits.
     Fault(
         "pulled-by-itself", "src/rungwise/fitting/certainty.py",

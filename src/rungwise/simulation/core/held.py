@@ -15,7 +15,7 @@ from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.limit import LIMIT
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.state import Scratch, Trial
-from rungwise.simulation.core.step import SUPPORTED, pace, solve_assembled, solve_step
+from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, pace, solve_assembled, solve_step
 from rungwise.simulation.core.tolerances import SHORTER
 from rungwise.system.entries import fill_span, rate
 from rungwise.system.skew import is_skew
@@ -85,7 +85,15 @@ def vanishes(trial: Trial) -> bool:
 
 
 @rare_kernel
-def is_bound_by_inertia(trial: Trial) -> bool:
+def solve_alone(trial: Trial) -> int:
+    """Solve a step with the contacts alone that have to balance the loads (see `keep_near`): UNSUPPORTED
+    where inertia bounds the motion."""
+    status = solve_step(trial)
+    return UNSUPPORTED if status == SUPPORTED and _is_bound_by_inertia(trial) else status
+
+
+@rare_kernel
+def _is_bound_by_inertia(trial: Trial) -> bool:
     """Whether the inertia that stands for none makes up a part of the balance in the step just solved, and
     less than half of the motion is left where it is far more. The solution is left as it was."""
     _, h, terms, _, state, scratch, problem = trial

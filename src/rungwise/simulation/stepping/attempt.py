@@ -27,7 +27,7 @@ from rungwise.kernel import (
 )
 from rungwise.simulation.core.balance import ask_speeds
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
-from rungwise.simulation.core.held import keep_near, pushes_far, vanishes
+from rungwise.simulation.core.held import keep_near, pushes_far, solve_alone, vanishes
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR
@@ -234,9 +234,9 @@ def _walk(system: Any, s: Setting, h: float, way: float, reach: float) -> int:
     lone = pushes_far(trial_of(s, h), near)
     if lone:
         note.contacts = keep_near(trial_of(s, h), near)
-        status = _solve(s, h)
-        if status == HALTED:
-            return status
+        status = solve_alone(trial_of(s, h))
+        if scratch.halt[0] != 0:
+            return HALTED
         if status != SUPPORTED:
             held = driven < STUCK * note.length
             copy(state.v if held else state.speed, a.v)

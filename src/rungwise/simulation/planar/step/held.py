@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import Records
-from rungwise.simulation.core.held import is_bound_by_inertia, keep_near, pushes_far, vanishes
+from rungwise.simulation.core.held import keep_near, pushes_far, solve_alone, vanishes
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, NEAR, SHORTER
 from rungwise.simulation.planar.state.nearby import begin_step, gather
@@ -31,8 +31,7 @@ def is_held(records: Records, rung: RecordArray, h: float, shortest: float, work
     moved = _out_of_proportion(records, h, workspace)
     if moved > 0.0 or pushes_far(trial, near):
         clock.contacts = keep_near(trial, near)
-        alone = trial_in(rung, h, clock.contacts, workspace)
-        if solve_step(alone) != SUPPORTED or is_bound_by_inertia(alone):
+        if solve_alone(trial_in(rung, h, clock.contacts, workspace)) != SUPPORTED:
             return False
         clock.contacts = gather(records, workspace)
         choose_motion(records, rung, h, clock.contacts, shortest, workspace)
