@@ -19,8 +19,8 @@ PLACE = ("segment varies", "opened switched switch")
 at `switch` at the latest; `varies`: whether numbers change in it."""
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: the verdict with which the run ends with its schedule, 0 where it does not; step: first step;
-longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed
-length; jam: greatest motion in a step without solution that counts as a jam."""
+longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed per step, 0 for steps
+of fixed length; jam: greatest motion in a step without solution that counts as a jam."""
 
 
 class Slots(NamedTuple):
