@@ -23,6 +23,7 @@ from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
 from rungwise.contact.solver.solve import BY_ITERATE, measure, rests, set_pace, solve
 from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
+from rungwise.contact.step.spans import diagonal
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -42,7 +43,7 @@ def solve_groups(
     what answered, Newton steps), where the contacts are of the kind `law`. It ends without an answer when
     halt (1,) is set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
-        if not p.H[i, i] > 0.0:
+        if not diagonal(p.H, couplings, i) > 0.0:
             return NO_SOLUTION, math.inf, GUESS, 0
     whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.contact.step import ContactProblem
+from rungwise.contact.step import ContactProblem, stretch
 from rungwise.kernel import (
     Ints,
     Reals,
@@ -33,7 +33,7 @@ from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solv
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR, SHORTER
 from rungwise.simulation.core.update_state import fill_pace, take_slots
 from rungwise.system.contract import fastest, fill, integrate, least_gap, passes, tell_laws
-from rungwise.system.entries import rate, stretch
+from rungwise.system.entries import rate
 from rungwise.system.moving import Moment, Size
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
@@ -344,8 +344,8 @@ def _fill_heft(terms: Terms) -> None:
     n = terms.inertia.shape[0]
     for i in range(n):
         inertia, metric = 0.0, 0.0
-        low, high = stretch(terms.entries, i, n)
+        low, high = stretch(terms.entries.matrices, i, n)
         for j in range(low, high):
-            inertia += abs(terms.inertia[i, j])
-            metric += abs(terms.metric[i, j])
+            inertia += abs(terms.inertia[i, j - low])
+            metric += abs(terms.metric[i, j - low])
         terms.heft[i, INERTIA], terms.heft[i, METRIC] = inertia, metric

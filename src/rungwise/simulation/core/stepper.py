@@ -16,9 +16,10 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.judge import Certificate
-from rungwise.contact.step import ContactProblem, allocate_problem, trim
+from rungwise.contact.step import ContactProblem, allocate_problem
 from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
+from rungwise.models.entries import trimmed
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.attempt import (
@@ -113,8 +114,8 @@ class Stepper:
         self.scratch = Scratch(**scratch_arrays(n, size.slots, limited, d=d) | {"impact": impact})
         most = size.slots if size.at_once is None else size.at_once
         try:
-            self.terms = allocate_terms(n, most, limited, d, size.crowded, skewed=size.skewed)
-            self.problem = allocate_problem(n, most, limited, d)
+            self.terms = allocate_terms(n, most, limited, d, size.widths, skewed=size.skewed)
+            self.problem = allocate_problem(n, most, limited, d, size.widths)
         except MemoryError:
             raise Crowded(
                 f"scene: rows of {most} contacts by {n} velocities, twice, do not fit into memory; take fewer"
@@ -344,7 +345,8 @@ class Stepper:
         if status == UNSUPPORTED or self.note["leaping"] > 0.0:  # to ask for solutions takes far longer
             self.certificate = self._unsupported(status != UNSUPPORTED)
         if status != UNSUPPORTED and self.certificate is None:
-            problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
+            free, limited = int(clock["free"]), int(clock["limited"])
+            problem = trimmed(self.problem, terms, free, self.contacts, limited)
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate, solved = ask(problem, terms, state, self.scratch, self.deadline)
             if solved and not asked:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.tolerances import MAX_HALVINGS, PAUSE, ROUNDING
@@ -65,7 +66,6 @@ from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, T
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.error_control import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.step.midpoint_rows import is_centred
-from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -116,16 +116,16 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         elif drive == SPEED:
             state.v[i] = records.coordinates[i].drive_speed
     clock.limited = 0
+    planar.couple(records, terms.entries.matrices)
     if rung[0].loads:
         clock.limited = planar.constants(records, terms)
         if terms.exact.shape[0] > 0:
             spread_loads(records, terms)
     for i in range(n):
-        terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
+        low, _ = stretch(terms.entries.matrices, i, n)
+        terms.metric[i, i - low] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
-    if is_crowded(terms.entries):
-        planar.couple(terms)
     clock.drives = clock.limited
     clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
     clock.centred = is_centred(rung, control[0].error, terms, state)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rungwise.block import Block
+from rungwise.contact.step import Widths
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, steady
 from rungwise.scene.space.laws import touching
 from rungwise.system import contract
@@ -200,7 +201,8 @@ class Space:
         named = laws_named(self.laws.named, self._laws_of)
         self.size = Size(
             m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
-            m.nv >= CROWDED, named, skewed(m), self.room + limit_count(self.limited),
+            widths(m, self.solids.span, self.loads.stretch) if m.nv >= CROWDED else None, named, skewed(m),
+            self.room + limit_count(self.limited),
         )  # fmt: skip
         self.falls = self.loads.falls
         self.activation = self.begun.copy()
@@ -576,6 +578,16 @@ def directions(model: mujoco.MjModel) -> int:
     dims = np.concatenate([model.geom_condim[touching(model)], model.pair_dim])
     most = int(dims.max(initial=3))
     return max(most, 3)
+
+
+def widths(model: mujoco.MjModel, moved: Ints, coupled: Ints) -> Widths:
+    """Columns at most of a contact, whose bodies the velocities in the stretches moved (b, 2) may move, or of
+    a limit, and of a row of matrices, in the stretches coupled (n, 2)."""
+    m, rows = model, 2 * int((moved[:, 1] - moved[:, 0]).max(initial=0))
+    for t in np.flatnonzero(m.tendon_limited):
+        own = m.ten_J_colind[m.ten_J_rowadr[t] :][: m.ten_J_rownnz[t]]
+        rows = max(rows, int(own.max() - own.min()) + 1) if len(own) else rows
+    return Widths(min(rows, m.nv), int((coupled[:, 1] - coupled[:, 0]).max(initial=0)))
 
 
 def skewed(model: mujoco.MjModel) -> bool:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, kernel, steady
 from rungwise.system.terms import Terms
 
@@ -69,7 +70,9 @@ class Turning:
             return
         before, (self._old, self._new) = self._kinetic + self._height, (self._new, self._old)
         self._look(q, v)
-        work = self._change(terms.inertia, self.space.loads.taken, self._old, self._new, self.eps, h)
+        work = self._change(
+            terms.inertia, terms.entries.matrices, self.space.loads.taken, self._old, self._new, self.eps, h
+        )
         self.gained += self._kinetic + self._height - before - work
         if abs(self.gained) > abs(self.most):
             self.most = self.gained
@@ -122,12 +125,13 @@ def potential(v: Reals, momentum: Reals, mass: Reals, centre: Reals, gravity: Re
 
 
 @kernel
-def change(M: Reals, taken: Reals, old: Reals, new: Reals, eps: float, h: float) -> float:
+def change(M: Reals, stretches: Ints, taken: Reals, old: Reals, new: Reals, eps: float, h: float) -> float:
     """The work of what changes velocities (n,) from old to new, and of the forces taken, in a step of h."""
     work = 0.0
     for i in range(len(old)):
         push = h * taken[i]
-        for j in range(len(old)):
-            push += eps * M[i, j] * (new[j] - old[j])
+        low, high = stretch(stretches, i, len(old))
+        for j in range(low, high):
+            push += eps * M[i, j - low] * (new[j] - old[j])
         work += 0.5 * (old[i] + new[i]) * push
     return work

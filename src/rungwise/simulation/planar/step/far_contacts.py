@@ -8,7 +8,7 @@ drives and dry friction: what balances only against others got there by momentum
 
 from __future__ import annotations
 
-from rungwise.contact.step import SOLVED
+from rungwise.contact.step import SOLVED, stretch
 from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
@@ -57,10 +57,13 @@ def _is_bound_by_inertia(records: Records, rung: RecordArray, h: float, workspac
     moved, _ = displacement(records, h, workspace)
     more = (HEAVIER - 1.0) * clock.eps / h
     for i in range(clock.free):
-        for b in range(state.q.shape[0]):
-            problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
-        for j in range(clock.free):
-            problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
+        a = state.free[i]
+        first, end = stretch(terms.entries.matrices, a, state.q.shape[0])
+        for b in range(first, end):
+            problem.c[i] -= more * terms.inertia[a, b - first] * state.speed[b]
+        low, high = stretch(terms.entries.couplings, i, clock.free)
+        for j in range(low, high):
+            problem.H[i, j - low] += more * terms.inertia[a, state.free[j] - first]
     status = solve_assembled(trial_in(rung, h, clock.contacts, workspace), False)
     if status != SOLVED:
         return True
