@@ -49,7 +49,7 @@ def solve_groups(
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count, numbers = np.array([0, 0, 0, NEWTON_STEPS]), surfaces.pressures
+    count, numbers = np.zeros(4, np.int64), surfaces.pressures
     order = np.empty(members, np.int64)
     apart = _begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
@@ -59,6 +59,7 @@ def solve_groups(
     for which in range(apart):
         if apart > 1:
             part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
+        count[3] = count[0] + NEWTON_STEPS
         stays, found = _rest(
             own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows
         )

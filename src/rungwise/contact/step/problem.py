@@ -135,7 +135,7 @@ def trim(
     d = p.R.shape[1]
     k = contacts * d
     return ContactProblem(
-        H=whole_matrix(p.H, stretches, n),
+        H=whole_matrix(p.H[:n], stretches, n),
         c=p.c[:n].copy(),
         W=whole_rows(p.W[:k], spans, d, n),
         R=p.R[:contacts].copy(),

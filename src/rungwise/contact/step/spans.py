@@ -83,11 +83,11 @@ def whole_rows(rows: Reals, spans: Ints, d: int, n: int) -> Reals:
 
 
 def whole_matrix(matrix: Reals, stretches: Ints, n: int) -> Reals:
-    """A matrix (n, n), from what is kept of it (n or more, w)."""
+    """Rows (r, n) of a matrix, from what is kept of them (r, w)."""
     if len(stretches) == 0:
-        return matrix[:n, :n].copy()
-    whole = np.zeros((n, n))
-    for i in range(n):
+        return matrix[:, :n].copy()
+    whole = np.zeros((len(matrix), n))
+    for i in range(len(matrix)):
         first, end = stretch(stretches, i, n)
         whole[i, first:end] = matrix[i, : end - first]
     return whole

@@ -59,7 +59,7 @@ from rungwise.system.spatial.native import (
 from rungwise.system.spatial.passing import Rates, is_clear, may_pass, rates
 from rungwise.system.spatial.patch.contacts import Contacts, Finder, look
 from rungwise.system.spatial.patch.shapes import Frames, shapes, thinnest
-from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
+from rungwise.system.spatial.reach import fastest_point, kept_reaches, moved_by, vectors
 from rungwise.system.spatial.resting import Resting
 from rungwise.system.spatial.rotors import Rotors, rotors, turn_joined
 from rungwise.system.terms import Terms
@@ -102,7 +102,7 @@ class Mechanism(Block):
 
     Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
     `kept` are the features of the last step that was taken, `found` those of the last `fill`; after (n_q,),
-    momentum (n,), lengths (v,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,) is in
+    momentum, lengths (n,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,) is in
     MuJoCo's memory.
     """
 
@@ -162,7 +162,8 @@ class Space:
         _set_options(m)
         self.data = mujoco.MjData(m)
         self.directions = directions(m)
-        self.reaches = reaches(m)
+        span = moved_by(m)
+        self.reaches = kept_reaches(m, span)
         made = shapes(m)
         thin, self.drives = thinnest(m, made), drives(m)
         self.contacts = Contacts(m, self.data, made)
@@ -171,11 +172,13 @@ class Space:
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
-        self.lever = self.reaches.max(axis=0, initial=0.0)
+        self.lever = np.zeros(m.nv)
+        for (first, end), own in zip(span, self.reaches, strict=True):
+            self.lever[first:end] = np.maximum(self.lever[first:end], own[: end - first])
         self.lever[self.lever == 0.0] = length
         self.solids = Solids(
             body=m.geom_bodyid.astype(np.int64), size=sizes, law=self.laws.law, laws=self.laws.rows,
-            free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
+            free=np.isnan(self.pace).astype(np.int64), span=span,
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._resting: Resting | None = None
@@ -222,12 +225,12 @@ class Space:
             "room": np.array([self.room]), "joint_margin": m.jnt_margin,
             "joint_lever": self.lever[m.jnt_dofadr], "tendon_margin": m.tendon_margin,
             "finder": self.contacts.finder, "loads": self.loads, "rotors": self.rotors,
-            "limited": self.limited, "solids": self.solids, "rates": rates(m, self.reaches),
+            "limited": self.limited, "solids": self.solids, "rates": rates(m, self.solids.span, self.reaches),
             "reaches": self.reaches, "vectors": which,
         }  # fmt: skip
         rest: dict[str, Any] = {
             "energy": data.energy, "momentum": np.zeros(m.nv), "after": np.zeros(m.nq),
-            "lengths": np.zeros(len(which) - 1), "begun": frames[0], "ended": frames[1],
+            "lengths": np.zeros(m.nv), "begun": frames[0], "ended": frames[1],
         }  # fmt: skip
         self.mechanism = Mechanism(**same, kept=one, found=other, **rest)
         self._turned = Mechanism(**same, kept=other, found=one, **rest)
@@ -328,7 +331,9 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self.mechanism.lengths)
+        return 2.0 * self._fastest_point(
+            self.reaches, self.solids.span, self.mechanism.vectors, v, self.mechanism.lengths
+        )
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
         found = self._passes(self.mechanism, q, v, h)
@@ -527,7 +532,7 @@ def least_gap_at(m: Mechanism, q: Reals) -> float:
 @contract.fastest.given_by(Mechanism)
 @kernel
 def fastest_at(m: Mechanism, _q: Reals, v: Reals) -> float:
-    return 2.0 * fastest_point(m.reaches, m.vectors, v, m.lengths)
+    return 2.0 * fastest_point(m.reaches, m.solids.span, m.vectors, v, m.lengths)
 
 
 @contract.tell_laws.given_by(Mechanism)
