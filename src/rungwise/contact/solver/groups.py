@@ -24,7 +24,7 @@ from rungwise.contact.step.problem import (
     Sizes,
     Surfaces,
 )
-from rungwise.contact.step.spans import place_in, span, stretch
+from rungwise.contact.step.spans import span, stretch
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 LAW = 4
@@ -179,9 +179,10 @@ def fill_groups(
         g.H_first[i + 1], g.c[i], g.diagonal[i] = at, p.c[i], p.H[i, i - low]
     for k in range(contacts):
         g.kind[k], g.law[k, 0], g.law[k, 1] = law, p.mu[k], 0.0
-        at = g.first[k]
+        at = middle = g.first[k]
         for side in range(2):
             low, high, shift = span(columns, k, side, n)
+            middle = at
             for j in range(low, high):
                 if _touches(p.W, d * k, d * k + d, j - shift):
                     g.column[at] = j
@@ -190,9 +191,13 @@ def fill_groups(
         for i in range(d):
             row = g.row[k] + i
             g.w[row], g.origin[row], g.force[row] = p.w[k * d + i], k * d + i, 1.0
-            for e in range(g.first[k + 1] - g.first[k]):
-                own = place_in(columns, k, g.column[g.first[k] + e])
-                g.W[g.entry[k] + i * (g.first[k + 1] - g.first[k]) + e] = p.W[k * d + i, own]
+            at = g.entry[k] + i * (g.first[k + 1] - g.first[k])
+            for side in range(2):
+                _, _, shift = span(columns, k, side, n)
+                first, end = (g.first[k], middle) if side == 0 else (middle, g.first[k + 1])
+                for e in range(first, end):
+                    g.W[at] = p.W[k * d + i, g.column[e] - shift]
+                    at += 1
             for j in range(d):
                 g.R[k, i, j] = p.R[k, i, j]
     count = contacts
