@@ -113,13 +113,14 @@ class Stepper:
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
         self.scratch = Scratch(**scratch_arrays(n, size.slots, limited, d=d) | {"impact": impact})
         most = size.slots if size.at_once is None else size.at_once
+        width = n if size.widths is None else size.widths.rows
         try:
             self.terms = allocate_terms(n, most, limited, d, size.widths, skewed=size.skewed)
             self.problem = allocate_problem(n, most, limited, d, size.widths)
         except MemoryError:
             raise Crowded(
-                f"scene: rows of {most} contacts by {n} velocities, twice, do not fit into memory; take fewer"
-                " bodies that move, or fewer or simpler geoms that may touch"
+                f"scene: rows of {most} contacts by {width} velocities, twice, do not fit into memory; take"
+                " fewer bodies that move, or fewer or simpler geoms that may touch"
             ) from None
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
