@@ -108,7 +108,7 @@ FAULTS = (
         "the end of a step under theta extrapolates to the wrong side", True,
     ),
     Fault(
-        "date-after-condition", "src/rungwise/simulation/planar/state/verdicts.py",
+        "date-after-condition", "src/rungwise/simulation/watched/verdicts.py",
         "return before if found else 1.0", "return after if found else 1.0",
         ("tests/simulation/test_conditions.py", "tests/simulation/test_two_finger.py"),
         "a step is cut after a condition began to hold, instead of before",
@@ -434,8 +434,8 @@ FAULTS = (
         ("tests/simulation/test_lasting.py",), "a condition that holds lacks more and more of its time",
     ),
     Fault(
-        "times-of-other-segments", "src/rungwise/simulation/planar/state/inputs.py",
-        "            clear_times(OWN, state)\n", "", ("tests/simulation/test_lasting.py",),
+        "times-of-other-segments", "src/rungwise/simulation/watched/inputs.py",
+        "            clear_times(OWN, w)\n", "", ("tests/simulation/test_lasting.py",),
         "a segment counts the time for which its condition held before",
     ),
     Fault(

@@ -11,11 +11,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.outcome import Code
-from rungwise.simulation.core.crawl import Crawl
+from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.update_state import take_slots
-from rungwise.simulation.inputs import Segment
-from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.planar.step import error_control
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.run import Simulation
@@ -30,14 +28,7 @@ from tests.simulation.core.test_particle import Particle
 def test_steps_lead_nowhere_after_so_many_attempts() -> None:
     for span, few, many in ((0.0, 3_000, 30_000), (0.5, 20_000, 200_000)):
         for attempts, ends in ((few, False), (many, True)):
-            assert Crawl(1.0, attempts=attempts).leads_nowhere(span) == ends
-
-
-def test_a_segment_is_spent_up_to_rounding() -> None:
-    told = np.zeros(1)
-    for left, segment in ((1e-11, 0), (1e-13, 1)):
-        clock = Clock((Segment({}, 1.0), Segment({}, 1.0)), 0.0, ())
-        assert clock.go_on(1.0 - left, told, lambda _: False) and clock.segment == segment
+            assert lead_nowhere(attempts, span, 1.0) == ends
 
 
 @pytest.mark.parametrize(("speed", "bounces"), [(0.003, False), (0.3, True)])

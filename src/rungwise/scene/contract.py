@@ -13,6 +13,8 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.values import finite, shown
+from rungwise.scene.language.expression import Programs
+from rungwise.scene.template.template import Followed
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -46,6 +48,17 @@ class AnyScene:
     def __init_subclass__(cls) -> None:
         # dataclass keeps what a class has, and gives it no equality by fields
         cls.__eq__, cls.__hash__ = AnyScene.__eq__, AnyScene.__hash__  # type: ignore[method-assign]
+
+    @property
+    @abstractmethod
+    def programs(self) -> Programs:
+        """Programs of goal, unsafe and doomed, empty for those that are not stated, and of their parts that
+        must hold for a time (see `language.names.with_times`). Raises SceneError."""
+
+    @property
+    @abstractmethod
+    def followed(self) -> Followed:
+        """Programs that write into the buffer of the scene's numbers."""
 
     @property
     def name(self) -> str:

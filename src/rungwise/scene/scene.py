@@ -29,11 +29,11 @@ from rungwise.scene.fields.lifts import with_lifts
 from rungwise.scene.fields.shapes import MANY, ONE
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import shown
-from rungwise.scene.language.expression import STACK
+from rungwise.scene.language.expression import STACK, Programs
 from rungwise.scene.template import faults
 from rungwise.scene.template import records as rec
 from rungwise.scene.template.build import build
-from rungwise.scene.template.template import Numbers, Template
+from rungwise.scene.template.template import Followed, Numbers, Template
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -92,6 +92,17 @@ class Scene(AnyScene):
     def whole(self) -> str:
         """All that the scene says as JSON, defaults as well."""
         return self.file.model_dump_json()
+
+    @property
+    def programs(self) -> Programs:
+        return self.template.conditions
+
+    @property
+    def followed(self) -> Followed:
+        template = self.template
+        return Followed(
+            template.timed_speeds(), template.timed_numbers(), template.reads_time, template.awaits_time
+        )
 
     def changed(self, **fields: Any) -> Scene:
         """The scene with other fields of its file, such as its goal, and without those that are None. Raises

@@ -21,12 +21,13 @@ from rungwise.scene.errors import STRICT, SceneError, out_of_range
 from rungwise.scene.fields.fields import conversions_of
 from rungwise.scene.fields.stated import Stated
 from rungwise.scene.fields.task import numbers_of
-from rungwise.scene.language.expression import SLOTS, STACK, Code, Programs, evaluate
-from rungwise.scene.language.names import OF_CONTACTS, Names
+from rungwise.scene.language.expression import CONDITIONS, SLOTS, STACK, Code, Programs, evaluate
+from rungwise.scene.language.names import OF_CONTACTS, Names, with_times
 from rungwise.scene.language.poses import NUMBERS
 from rungwise.scene.language.units import Conversion
 from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain
 from rungwise.scene.template.task import check_fingers, check_task
+from rungwise.scene.template.template import Followed, block_of
 
 if TYPE_CHECKING:
     pass
@@ -151,6 +152,17 @@ class StatedScene(AnyScene):
         names = self.template.names()
         stated = {name: getattr(self.file, name) for name in ("goal", "unsafe", "doomed")}
         return {name: names.condition(text, name, name) for name, text in stated.items() if text is not None}
+
+    @cached_property
+    def programs(self) -> Programs:
+        stated = [self.conditions.get(name, Code()) for name in CONDITIONS[:-1]]
+        return Programs([*stated, *with_times(stated)])
+
+    @cached_property
+    def followed(self) -> Followed:
+        """Nothing: the world tells its system itself."""
+        nothing = block_of(Programs([]), np.zeros(0, np.int64))
+        return Followed(nothing, nothing, False, False)
 
     def checked(self, robots: tuple[str, ...] = ()) -> Self:
         """The scene, once its conditions and its task speak of nothing unknown; `robots` may be led through

@@ -19,9 +19,9 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Code, Programs, evaluate
 from rungwise.scene.language.names import with_times
-from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.held_since import STATED
-from rungwise.simulation.planar.state.inputs import Inputs
+from rungwise.scene.template.template import Followed
+from rungwise.simulation.watched.held_since import STATED
+from rungwise.simulation.watched.inputs import Inputs
 from rungwise.wording import choices
 
 MOST = 10_000
@@ -112,25 +112,24 @@ def condition(scene: AnyScene, text: object, path: str) -> Code:
 
 
 def compiled(
-    scene: Scene, durations: Reals, levels: Reals, ramps: Ints, until: Sequence[str | None]
+    scene: AnyScene, durations: Reals, levels: Reals, ramps: Ints, until: Sequence[str | None]
 ) -> Inputs:
     """A schedule as kernels take it: durations (s,), levels (s, u), ramps (s,), and conditions or None."""
     conditions, own = [condition(scene, text, f"until.{k}") for k, text in enumerate(until)], _own(scene)
-    programs = Programs([*conditions, *with_times(conditions)])
+    programs, followed = Programs([*conditions, *with_times(conditions)]), own.followed
     return Inputs(
-        speeds=own.speeds, numbers=own.numbers, timed=own.timed,
-        rests=np.array([own.rests or programs.reads(own.ways)], np.int64),
-        columns=own.columns, durations=durations, levels=levels, ramps=ramps,
+        speeds=followed.speeds, numbers=followed.numbers, timed=own.timed,
+        rests=np.array([own.rests or programs.reads(own.ways)], np.int64), columns=own.columns,
+        durations=durations, levels=levels, ramps=ramps,
         code=programs.code, constants=programs.constants, table=programs.table,
     )  # fmt: skip
 
 
 class _Own(NamedTuple):
-    """The fields of `Inputs` that a scene decides alone, where expressions read the ways of bodies, and
-    whether the scene's own conditions do."""
+    """What a scene decides alone of `Inputs`, where expressions read the ways of bodies, and whether the
+    scene's own conditions do."""
 
-    speeds: Numbers
-    numbers: Numbers
+    followed: Followed
     timed: Ints
     columns: Ints
     ways: range
@@ -138,31 +137,28 @@ class _Own(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _own(scene: Scene) -> _Own:
-    template = scene.template
+def _own(scene: AnyScene) -> _Own:
+    template, followed = scene.template, scene.followed
     ways = template.names().ways
     return _Own(
-        template.timed_speeds(),
-        template.timed_numbers(),
-        np.array([template.reads_time, template.awaits_time], np.int64),
+        followed, np.array([followed.reads_time, followed.awaits_time], np.int64),
         np.array([template.parameters.index(name) for name in template.inputs], np.int64),
-        ways,
-        template.conditions.reads(ways),
-    )
+        ways, scene.programs.reads(ways),
+    )  # fmt: skip
 
 
-def compile_segments(scene: Scene, segments: Sequence[Segment]) -> Inputs:
+def compile_segments(scene: AnyScene, segments: Sequence[Segment]) -> Inputs:
     """Checked segments as kernels take them."""
     return _compiled(scene, segments) if segments else _without_segments(scene)
 
 
 @lru_cache(maxsize=64)
-def _without_segments(scene: Scene) -> Inputs:
+def _without_segments(scene: AnyScene) -> Inputs:
     """The same for all runs: there is nothing in it that one writes."""
     return _compiled(scene, ())
 
 
-def _compiled(scene: Scene, segments: Sequence[Segment]) -> Inputs:
+def _compiled(scene: AnyScene, segments: Sequence[Segment]) -> Inputs:
     names = scene.template.inputs
     levels = [[segment.inputs.get(name, math.nan) for name in names] for segment in segments]
     return compiled(
@@ -174,9 +170,9 @@ def _compiled(scene: Scene, segments: Sequence[Segment]) -> Inputs:
     )
 
 
-def impossible_times(scene: Scene, inputs: Inputs, values: Reals) -> str:
+def impossible_times(scene: AnyScene, inputs: Inputs, values: Reals) -> str:
     """What is wrong with the times for which conditions must hold, at these values; empty if nothing is."""
-    own, stack = scene.template.conditions, np.zeros(STACK)
+    own, stack = scene.programs, np.zeros(STACK)
     spans = [
         (CONDITIONS[j // TIMES], own.code, own.constants, own.table[row])
         for j, row in enumerate(range(STATED + 1, len(own.table), 2))

@@ -13,10 +13,10 @@ from rungwise.scene.template.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
 from rungwise.simulation.planar.loop import CLOSED, Setting, begin, slack
-from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs, set_all
 from rungwise.simulation.planar.state.memory import go_on
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, PlaceError, State, StateError, digest, memory_of
+from rungwise.simulation.watched.inputs import Inputs, begin_inputs, set_all
 from rungwise.system.planar import joints
 from rungwise.system.planar.place import allocate_placement, place
 
@@ -49,13 +49,13 @@ def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspac
     if before is not None:
         _check_travel(state, records, before)
     now.q[:], now.v[:], now.clock["time"] = state.q, state.v, state.time
-    (begin_inputs if fresh else set_all)(inputs, buffer, workspace)
+    (begin_inputs if fresh else set_all)(inputs, buffer, workspace.watched)
     if memory is None:
         return _begin_by_hand(state, scene, setting, workspace)
     code = Code(begin(records, rung, control, workspace))
     if before is None:
         go_on(records, workspace, memory.values.copy())
-        (begin_inputs if fresh else set_all)(inputs, buffer, workspace)
+        (begin_inputs if fresh else set_all)(inputs, buffer, workspace.watched)
         return ""
     # Servos that follow a speed go on from where they have led before.
     speeds = _followed(before.records) - _followed(records)

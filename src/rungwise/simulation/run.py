@@ -24,21 +24,23 @@ from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
 from rungwise.scene.template.records import SPEED
 from rungwise.simulation.inputs import compile_segments, impossible_times
+from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
-from rungwise.simulation.live.planar import Growing, contacts_of
+from rungwise.simulation.live.planar import contacts_of
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.begin import take_start
 from rungwise.simulation.planar.state.allocation import allocate
 from rungwise.simulation.planar.state.frames import record
-from rungwise.simulation.planar.state.inputs import begin_inputs
-from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, in_memory
+from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.reasons.reasons import JAM as JAM
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import Memory, State, check_state
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
+from rungwise.simulation.watched.inputs import begin_inputs
+from rungwise.simulation.watched.values import CONTROL
 
 if TYPE_CHECKING:
     from rungwise.simulation.reasons.hard_steps import HardSteps
@@ -122,7 +124,7 @@ class Simulation(Turns):
         )  # fmt: skip
         if state is None:
             take_start(records, self._rung, self.workspace.state)
-            begin_inputs(self._setting.inputs, self._bound.buffer, self.workspace)
+            begin_inputs(self._setting.inputs, self._bound.buffer, self.workspace.watched)
             code = loop.begin(records, self._rung, self._control, self.workspace)
             if code == Code.INVALID:
                 self.reason = out_of_place(self.scene, records, self.workspace)
@@ -199,7 +201,7 @@ class Simulation(Turns):
         clock, last = self.workspace.state.clock, self._growing.count - 1
         state = self.given.state
         began = float(clock[0]["opened"]) if last else 0.0 if state is None else state.time
-        begin_inputs(self._growing.last, self._bound.buffer, self.workspace)
+        begin_inputs(self._growing.last, self._bound.buffer, self.workspace.watched)
         clock["segment"], clock["opened"] = last, began
         if self._setting.inputs is not self._growing.whole:
             self._setting = self._setting._replace(inputs=self._growing.whole)

@@ -30,10 +30,11 @@ from rungwise.simulation.planar.samples import (
     run_samples,
 )
 from rungwise.simulation.planar.state.allocation import allocate
-from rungwise.simulation.planar.state.workspace import CLOCK, CONTROL, Workspace, in_memory
+from rungwise.simulation.planar.state.workspace import CLOCK, Workspace, in_memory
 from rungwise.simulation.reasons.reasons import CLOSER, JAM, LOOKS
 from rungwise.simulation.state import Memory, digest
 from rungwise.simulation.turns import LONGEST, TURN_S
+from rungwise.simulation.watched.values import CONTROL
 from rungwise.wording import choices, listed
 
 CHUNK = 256

@@ -49,3 +49,58 @@ def fastest(system: Any, q: Reals, v: Reals) -> float:
 def tell_laws(system: Any, trial: Any, at_start: bool) -> None:
     """Add to terms what further laws of contact say; `at_start`: of where the step begins."""
     raise NotImplementedError
+
+
+@Contract
+def fill_speeds(system: Any, time: float, speeds: Reals) -> None:
+    """Fill speeds (n,) with the prescribed velocities; nan for velocities that are free."""
+    raise NotImplementedError
+
+
+@Contract
+def follow(system: Any, values: Reals, h: float, ends: bool) -> None:
+    """Follow inputs, which are told as in the middle of a step of length h, and then as where it `ends`."""
+    raise NotImplementedError
+
+
+@Contract
+def lacks_room(system: Any) -> bool:
+    """Whether there was no room for all contacts since this was asked last: then what was found is void."""
+    raise NotImplementedError
+
+
+@Contract
+def until_edge(system: Any, trial: Any) -> float:
+    """A step of length h, from terms where it begins, or less where a contact comes to the edge of a pull."""
+    raise NotImplementedError
+
+
+@Contract
+def accept(system: Any, q: Reals, v: Reals, trial: Any) -> None:
+    """A step was taken and led to q and v: its contacts are those of the last `fill`."""
+    raise NotImplementedError
+
+
+@Contract
+def keep(system: Any) -> None:
+    """Keep what steps change, which `take_back` brings back as long as one more step was taken at most."""
+    raise NotImplementedError
+
+
+@Contract
+def take_back(system: Any) -> None:
+    """Be again as when that was kept."""
+    raise NotImplementedError
+
+
+@Contract
+def tell_values(system: Any, asked: Any, q: Reals, v: Reals, values: Reals) -> bool:
+    """Fill in what conditions ask of q and v: gaps, poses, ways; whether there was room for all contacts."""
+    raise NotImplementedError
+
+
+@Contract
+def hear(system: Any, asked: Any, force: Reals, h: float, values: Reals) -> None:
+    """Fill in the normal forces that conditions ask for, from forces by slot (s, d), normal first, and add
+    their impulses in a step of length h."""
+    raise NotImplementedError

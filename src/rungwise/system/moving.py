@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.block import Block
 from rungwise.contact.step import Widths
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
@@ -31,6 +32,30 @@ class Moment(NamedTuple):
     h: float
     inertia: float
     metric: bool
+
+
+class Asked(Block):
+    """What conditions read of a state beside the time, places and speeds: gaps and forces of pairs of bodies
+    (k, 2), the lower number first, and the place (k,) of each among all contacts; whether they read anything
+    at all, poses, and how far bodies go in a nominal step, `reads` (3,).
+
+    firsts (3,): where among the values poses, gaps and ways begin; contacts (1,): how many there are; owner
+    (n_v,): the body of each velocity; step (1,) is the nominal one.
+    """
+
+    pairs: Ints
+    place: Ints
+    reads: Ints
+    firsts: Ints
+    contacts: Ints
+    owner: Ints
+    step: Reals
+
+
+ANYTHING, POSED, RESTS = 0, 1, 2
+"""Places in `Asked.reads`."""
+OF_POSES, OF_GAPS, OF_WAYS = 0, 1, 2
+"""Places in `Asked.firsts`."""
 
 
 class FurtherLaws(Protocol):

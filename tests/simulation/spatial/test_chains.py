@@ -71,7 +71,7 @@ def test_damped_pendulums_fall_at_load_over_damping(make: Make, seed: int, rung:
                 ' conaffinity="0"/>'
             )
         simulation = SpaceSimulation(make(world(bodies + "</body></body>")), rung, step=1e-6, duration=1.0)
-        simulation.take()
+        simulation.steps_taken(1)
         assert simulation.outcome == outcome
         if outcome == Code.RUNNING:
             torque = 9.81 * np.array([0.25 * masses[0] + 0.75 * masses[1], 0.25 * masses[1]])

@@ -6,11 +6,12 @@ import pytest
 
 import rungwise as rw
 from rungwise.models.ladder import Rung
-from rungwise.simulation.core.attempt import Setting
+from rungwise.simulation.core import advance
+from rungwise.simulation.core.attempt import Setting, attempt
 from rungwise.simulation.core.crawl import OVERLAPPING
 from rungwise.simulation.core.step import UNSOLVED
+from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.spatial.run import SpaceSimulation
-from rungwise.system.spatial.space import Mechanism
 
 from .conftest import Make
 from .measure import FLOOR, NO_GRAVITY, free, world
@@ -36,19 +37,19 @@ def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
     law = [{"friction": 0.0}]
     ball = free("ball", "0 0 .1", 'name="b" size=".1"')
     scene = make(world(FLOOR, ball), contacts=law, start={"velocities": {"ball.x": 1e6}})
-    simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
-    assert simulation.stepper is not None
-    simulation.stepper.crawl.attempts = 9_000  # as if so many had been made
-    tried = simulation.stepper._attempt_in
 
-    def overlapping(system: Mechanism, setting: Setting, h: float) -> int:
-        status = int(tried(system, setting, h))
+    def overlapping(system: object, setting: Setting, h: float) -> int:
+        status = int(attempt(system, setting, h))
         if h < 1e-7:
             return status
         setting.attempt.note["cause"] = OVERLAPPING
         return UNSOLVED
 
-    monkeypatch.setattr(simulation.stepper, "_attempt_in", overlapping)
+    monkeypatch.setattr(Stepper, "is_compiled", False)
+    monkeypatch.setattr(advance, "attempt", overlapping)
+    simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
+    assert simulation.stepper is not None
+    simulation.stepper.clock["crowd"] = 9_000  # as if so many had been made
     reason, attempts = _end(simulation)
     assert 1_000 <= attempts < 11_000
     assert "overlap bodies between floor and b." in reason and "dynamic-compliant" in reason
@@ -61,7 +62,7 @@ def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make:
     scene = make(world(BALL, before=NO_GRAVITY, after=motor), controls={"m": "1e9 * sin(1e6 * t)"})
     simulation = SpaceSimulation(scene, rung, step=1.0, duration=1e3, tol=1e-6)
     assert simulation.stepper is not None
-    simulation.stepper.crawl.attempts = 9_000  # as if so many had been made
+    simulation.stepper.clock["crowd"] = 9_000  # as if so many had been made
     reason, attempts = _end(simulation)
     assert 1_000 < attempts < 101_000
     assert "the error of longer ones" in reason and "ball" in reason

@@ -25,11 +25,11 @@ def _walk(scene: SpaceScene, rung: Rung, **options: float) -> SpaceSimulation:
     space, stepper = simulation.space, simulation.stepper
     assert stepper is not None
     while simulation.outcome == Code.RUNNING:
-        before, time, told = stepper.q.copy(), stepper.time, len(stepper.leaps)
-        simulation.take()
+        before, time, told = stepper.q.copy(), stepper.time, stepper.leaps
+        simulation.steps_taken(1)
         moved = 0.5 * space.fastest(before, np.abs(stepper.v)) * (stepper.time - time)
         driven = 0.5 * space.fastest(before, np.abs(stepper.state.speed)) * (stepper.time - time)
-        assert moved <= max(1.01 * space.size.length, 2.0 * driven) or len(stepper.leaps) > told
+        assert moved <= max(1.01 * space.size.length, 2.0 * driven) or stepper.leaps > told
         yielded = float(np.abs(stepper.state.deformation[:, 0]).max(initial=0.0))
         assert space.least_gap(stepper.q) >= -yielded - 2e-3 * space.size.length
     return simulation

@@ -93,7 +93,7 @@ def test_what_is_thrown_in_a_room_stays_in_it(make: Make, seed: int, rung: rw.Ru
     space, stepper = simulation.space, simulation.stepper
     assert stepper is not None
     while simulation.outcome == Code.RUNNING and simulation.steps < MANY:
-        simulation.take()
+        simulation.steps_taken(1)
         data = mujoco.MjData(space.model)
         data.qpos[:] = stepper.q
         mujoco.mj_kinematics(space.model, data)

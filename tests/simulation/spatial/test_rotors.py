@@ -26,7 +26,7 @@ def _end(make: Make, bodies: str, speeds: Array, **options: float) -> tuple[Arra
     stepper.v[:] = speeds
     begun, most = space.energy(stepper.q, stepper.v), 0.0
     while simulation.outcome == Code.RUNNING:
-        simulation.take()
+        simulation.steps_taken(1)
         most = max(most, abs(space.energy(stepper.q, stepper.v) - begun))
     return stepper.q.copy(), most, simulation
 

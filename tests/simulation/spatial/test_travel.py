@@ -36,7 +36,7 @@ def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients:
     simulation = SpaceSimulation(_tendon(make, coefficients, 2e-5, 0.0), rw.DYNAMIC_RIGID)
     stepper, space = simulation.stepper, simulation.space
     assert stepper is not None
-    simulation.take()
+    simulation.steps_taken(1)
     assert stepper.contacts == 2, "both ends are near"
     slots = stepper.scratch.slots[:2].tolist()
     assert len(set(slots)) == 2

@@ -35,7 +35,7 @@ def _arm(rng: np.random.Generator) -> str:
 
 def _steps(simulation: SpaceSimulation) -> tuple[float, float]:
     """The energy gained in a run, beside the greatest that there was, and how exactly the run knows it."""
-    stepper, space, turning = simulation.stepper, simulation.space, simulation._turning
+    stepper, space, turning = simulation.stepper, simulation.space, simulation.space.turning.numbers[0]
     assert stepper is not None
     kinetic, height, still = list[float](), list[float](), np.zeros(len(stepper.v))
 
@@ -45,7 +45,7 @@ def _steps(simulation: SpaceSimulation) -> tuple[float, float]:
 
     look()
     while simulation.outcome == Code.RUNNING and np.isfinite(kinetic[-1]):
-        simulation.take()
+        simulation.steps_taken(1)
         look()
     if not np.isfinite(kinetic[-1]):
         return np.inf, 0.0
@@ -70,6 +70,7 @@ def test_energy_that_arms_gain_is_told(
     simulation = SpaceSimulation(scene, rung, step=step, duration=40 * step)
     assert simulation.stepper is not None
     simulation.stepper.v[:] = rng.normal(size=len(simulation.stepper.v)) * 10.0 ** rng.uniform(0.0, 2.0)
+    simulation.begins(simulation.stepper)
     gained, error = _steps(simulation)
     assert error < 1e-6
     told = any("turn so far" in note for note in simulation.result().notes)

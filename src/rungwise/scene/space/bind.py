@@ -74,10 +74,13 @@ class Following(NamedTuple):
         """Set a target's numbers from parameters and t (p + 1,). Raises InvalidScene."""
         found, programs = np.empty(len(self.numbers)), self.programs
         evaluate_all(programs.code, programs.constants, programs.table, values, np.empty(STACK), found)
-        if not np.isfinite(found).all():
-            k = int(np.flatnonzero(~np.isfinite(found))[0])
-            raise InvalidScene(f"{self.fields[k]}: must be finite, not {found[k]:g} at t = {values[-1]:g}")
         target[self.numbers] = found
+        for k in np.flatnonzero(~np.isfinite(found)).tolist():
+            raise InvalidScene(self.wrong(k, target, float(values[-1])))
+
+    def wrong(self, k: int, target: Reals, time: float) -> str:
+        """What is wrong with the value of program k."""
+        return f"{self.fields[k]}: must be finite, not {target[self.numbers[k]]:g} at t = {time:g}"
 
 
 class Told(NamedTuple):
@@ -95,17 +98,14 @@ class Told(NamedTuple):
             Following.of(scene, "speeds", file.speeds, scene.template.velocities),
         )
 
-    @property
-    def is_empty(self) -> bool:
-        return not (self.controls.fields or self.speeds.fields)
-
 
 @dataclass(frozen=True, eq=False)
 class SpaceBound:
     """A scene with every number known.
 
     law (g, g), laws (l, 8), named (l,): see `scene.space.laws`; place (n_q,), motion (n_v,), activation (k,):
-    the start; control (a,) and pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
+    the start; numbers (a + n_v,) follow `told`: controls, and speeds, nan where a velocity is free; values
+    (p + 1,): parameters and t.
     """
 
     model: mujoco.MjModel
@@ -115,8 +115,7 @@ class SpaceBound:
     place: Reals
     motion: Reals
     activation: Reals
-    control: Reals
-    pace: Reals
+    numbers: Reals
     told: Told
     values: Reals
     tolerance: float
@@ -124,10 +123,30 @@ class SpaceBound:
     step: float
     notes: tuple[str, ...] = ()
 
+    @property
+    def control(self) -> Reals:
+        """Controls (a,)."""
+        return self.numbers[: self.model.nu]
+
+    @property
+    def pace(self) -> Reals:
+        """Speeds (n_v,), nan where a velocity is free."""
+        return self.numbers[self.model.nu :]
+
     def tell(self, values: Reals) -> None:
         """Set controls and speeds from parameters and t (p + 1,). Raises InvalidScene."""
-        self.tell_controls(values)
-        self.tell_speeds(values)
+        for following, target in zip(self.told, (self.control, self.pace), strict=True):
+            if following.fields:
+                following.tell(values, target)
+
+    def wrong(self, place: int, time: float) -> str:
+        """What is wrong with a number that is not finite."""
+        following, target, at = (
+            (self.told.controls, self.control, place)
+            if place < self.model.nu
+            else (self.told.speeds, self.pace, place - self.model.nu)
+        )
+        return following.wrong(following.numbers.tolist().index(at), target, time)
 
     def step_in_mujoco(self, data: mujoco.MjData) -> None:
         """One step of MuJoCo's own loop (`mj_step`) with the scene's friction in place of the model's. Where
@@ -144,16 +163,6 @@ class SpaceBound:
             ):  # fmt: skip
                 follow(self.model, data)
         mujoco.mj_step2(self.model, data)
-
-    def tell_controls(self, values: Reals) -> None:
-        """As `tell`, controls alone."""
-        if self.told.controls.fields:
-            self.told.controls.tell(values, self.control)
-
-    def tell_speeds(self, values: Reals) -> None:
-        """As `tell`, speeds alone."""
-        if self.told.speeds.fields:
-            self.told.speeds.tell(values, self.pace)
 
 
 def bind(scene: Source, values: Reals) -> SpaceBound:
@@ -195,9 +204,9 @@ def _bound(scene: Source, values: Reals) -> tuple[mujoco.MjSpec, SpaceBound]:
         model, place, moved = settled(spec, model, scene.labels, place, fused)
         notes += moved
     bound = SpaceBound(
-        model=model, law=law, laws=laws, named=named, place=place, motion=motion, control=control,
+        model=model, law=law, laws=laws, named=named, place=place, motion=motion,
         activation=np.zeros(model.na) if key is None else model.key_act[key].copy(),
-        pace=np.full(model.nv, np.nan), told=scene.told, values=values,
+        numbers=np.append(control, np.full(model.nv, np.nan)), told=scene.told, values=values,
         tolerance=number.positive(file.tolerance, "tolerance"),
         duration=number.positive(file.duration, "duration"),
         step=number.positive(model.opt.timestep if file.step is None else file.step, "step"),

@@ -21,6 +21,7 @@ from rungwise.scene.space.laws import smallest
 from rungwise.scene.space.mujoco_model import LIBRARY, model_path
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.stated import StatedScene
+from rungwise.scene.template.template import Followed, block_of
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,14 @@ class SpaceScene(StatedScene):
     def told(self) -> Told:
         """Programs of controls and speeds."""
         return Told.of(self)
+
+    @cached_property
+    def followed(self) -> Followed:
+        controls, speeds = self.told
+        first, time = len(self.labels.actuators), len(self.template.parameters)
+        reads_time = any(each.programs.reads(range(time, time + 1)) for each in self.told)
+        numbers = block_of(controls.programs, controls.numbers)
+        return Followed(block_of(speeds.programs, first + speeds.numbers), numbers, reads_time, False)
 
     def bind(self, given: Mapping[str, float] | None = None) -> SpaceBound:
         """The model at the `given` parameters. Raises InvalidScene, naming the field, where it is

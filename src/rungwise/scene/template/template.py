@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,16 @@ class Numbers(Block):
     constants: Reals
     table: Ints
     targets: Ints
+
+
+class Followed(NamedTuple):
+    """What follows time and inputs: speeds that are prescribed, and all other numbers; whether any of these
+    reads the time, and whether a condition does."""
+
+    speeds: Numbers
+    numbers: Numbers
+    reads_time: bool
+    awaits_time: bool
 
 
 class Bounds(Block):

@@ -32,6 +32,8 @@ from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR, SHORTER
 from rungwise.simulation.core.update_state import fill_pace, take_slots
+from rungwise.simulation.watched.inputs import Inputs
+from rungwise.simulation.watched.values import Watched
 from rungwise.system.contract import fastest, fill, integrate, least_gap, passes, tell_laws
 from rungwise.system.entries import rate
 from rungwise.system.moving import Moment, Size
@@ -50,22 +52,25 @@ ON_TIME = 1e-12
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
 NOTE = record_type(
-    "contacts cause count follows falls outran", "length thin time reach deep leaping far allowed within"
+    "contacts cause count follows falls outran leaps",
+    "length thin reach deep leaping far allowed within resumed step",
 )
 """What is known of a system and of the last attempt. contacts: of the terms; cause: see `core.crawl`; count:
 of linearisations; follows: whether free bodies fall along parabolas, and `falls` whether any may; outran:
-whether a step was refused because things move too far in it, by `far`. length and thin: see `Size`; time of
-the step's begin; reach of the last terms; deep: how deep things overlap where the step begins; leaping: how
-far a step without momentum leapt; allowed: what it may leave open; within: the greatest gap at which a
-contact pulls, -inf without one."""
+whether a step was refused because things move too far in it, by `far`. length and thin: see `Size`; reach of
+the last terms; deep: how deep things overlap where the step begins; leaping: how far a step without momentum
+leapt, and how many `leaps` there were in the run; allowed: what it may leave open; within: the greatest gap
+at which a contact pulls, -inf without one; resumed: the length at which the search for the length of a step
+goes on, 0 where it begins; step: the nominal one."""
 
 
 class Attempt(Block):
     """note (1,); q (n_q,) where steps begin, and `trial` (n_q,), where the velocities of the attempt lead;
     v (n,): these, or how fast things would move if the attempt is refused; fell (n,): what weight gave them;
     falls (n,): accelerations by weight; slots, fresh (s,): of the contacts of the terms; places (k, n_q) and
-    ways (k, n): where terms were linearised, and the velocities that led there. pace, led, fastest, solved,
-    asked (n,) are scratch."""
+    ways (k, n): where terms were linearised, and the velocities that led there. leapt, ran (3 + n,): of the
+    first leap, and of the first step that was refused because things move too far in it: time, length, how
+    far as a length, and the motion. pace, led, fastest, solved, asked (n,) are scratch."""
 
     note: RecordArray
     q: Reals
@@ -77,6 +82,8 @@ class Attempt(Block):
     fresh: Ints
     places: Reals
     ways: Reals
+    leapt: Reals
+    ran: Reals
     pace: Reals
     led: Reals
     fastest: Reals
@@ -84,22 +91,25 @@ class Attempt(Block):
     asked: Reals
 
 
-def allocate_attempt(size: Size, falls: Reals, within: float) -> Attempt:
-    """Of a system that weight gives accelerations falls (n_v,), whose contacts pull within a gap."""
+def allocate_attempt(size: Size, falls: Reals, within: float, step: float) -> Attempt:
+    """Of a system that weight gives accelerations falls (n_v,), whose contacts pull within a gap, in steps of
+    this length."""
     n, n_q = size.velocities, size.coordinates
     note = np.zeros(1, NOTE)
     note["length"], note["thin"], note["within"] = size.length, size.thin, within
+    note["step"] = step
     note["falls"] = bool(falls.any())
     return Attempt(
         note=note, q=np.zeros(n_q), trial=np.zeros(n_q), v=np.zeros(n), fell=np.zeros(n), falls=falls.copy(),
         slots=np.zeros(size.slots, np.int64), fresh=np.zeros(size.slots, np.int64),
-        places=np.zeros((LINEARISATIONS, n_q)), ways=np.zeros((LINEARISATIONS, n)), pace=np.zeros(n),
+        places=np.zeros((LINEARISATIONS, n_q)), ways=np.zeros((LINEARISATIONS, n)), leapt=np.zeros(3 + n),
+        ran=np.zeros(3 + n), pace=np.zeros(n),
         led=np.zeros(n), fastest=np.zeros(n), solved=np.zeros(n), asked=np.zeros(n),
     )  # fmt: skip
 
 
 class Setting(NamedTuple):
-    """What steps of a run are taken with."""
+    """What steps of a run are taken with; the `inputs` write into the `buffer` of the scene's numbers."""
 
     rung: RecordArray
     terms: Terms
@@ -107,6 +117,9 @@ class Setting(NamedTuple):
     scratch: Scratch
     problem: ContactProblem
     attempt: Attempt
+    watched: Watched
+    inputs: Inputs
+    buffer: Reals
 
 
 @inline
@@ -312,7 +325,7 @@ def fill_terms(system: Any, s: Setting, h: float, reach: float, at_start: bool) 
     rung, terms, state, a = s.rung[0], s.terms, s.state, s.attempt
     note = a.note[0]
     note.reach = reach
-    moment = Moment(note.time, a.trial, state.v, h, rung.inertia, bool(rung.metric))
+    moment = Moment(state.clock[0].time, a.trial, state.v, h, rung.inertia, bool(rung.metric))
     count = fill(system, moment, terms, reach, a.slots, a.fresh, state.passive)
     if count < 0:
         return UNSOLVED if reach > 2.0 * STUCK * note.length else CROWDED

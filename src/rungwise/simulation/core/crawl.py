@@ -6,12 +6,10 @@ that of Boyer and Moore (MJRTY, 1991): what more than half of the steps name is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
-import numpy as np
-
-from rungwise.kernel import Ints, Reals, inner_kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 INSOLUBLE, OVERLAPPING, TORN, MISSING, MEETING, FAR, BENT = 1, 2, 3, 4, 5, 6, 7
 """Causes: the step's problem has no solution; bodies would overlap; a rigid joint would open; contacts would
@@ -40,14 +38,20 @@ def lead_nowhere(attempts: int, span: float, step: float) -> bool:
     return bool(attempts > PATIENCE * max(span / step, LEAST))
 
 
-def culprit(cause: int, slots: Ints, force: Reals, gap: Reals) -> int:
+@kernel
+def culprit(cause: int, contacts: int, slots: Ints, force: Reals, gap: Reals) -> int:
     """The slot of the contact at fault in an attempt that was refused, or -1: of the deepest overlap, or of
-    the greatest force before it; slots (k,), force (s, d) by slot, gap (k or more,)."""
-    if cause == FAR or not len(slots):
+    the greatest force before it; slots, gap (k,) of the contacts, force (s, d) by slot."""
+    if cause == FAR:
         return -1
-    before = force[slots, 0]
-    presses = cause != OVERLAPPING and before.max() > 0.0
-    return int(slots[np.argmax(before) if presses else np.argmin(gap[: len(slots)])])
+    found, pressed, most, least = -1, -1, 0.0, math.inf
+    for k in range(contacts):
+        before = force[slots[k], 0]
+        if before > most:
+            pressed, most = slots[k], before
+        if gap[k] < least:
+            found, least = slots[k], gap[k]
+    return int(pressed if pressed >= 0 and cause != OVERLAPPING else found)
 
 
 @inner_kernel
@@ -56,33 +60,6 @@ def voted(ballot: int, blamed: int, votes: int) -> tuple[int, int]:
     if votes == 0:
         return ballot, 1
     return blamed, votes + 1 if blamed == ballot else votes - 1
-
-
-@dataclass
-class Crawl:
-    """The rule for a run of nominal steps of length `step`: at `mark` the last of them began, `attempts` ago;
-    most steps are short for the vote `blamed`, which has `votes`."""
-
-    step: float
-    mark: float = 0.0
-    attempts: int = 0
-    blamed: int = 0
-    votes: int = 0
-
-    def vote(self, cause: int, slot: int) -> None:
-        """One step was shorter for this cause at this slot, or at none (-1)."""
-        self.blamed, self.votes = voted(CAUSES * slot + cause, self.blamed, self.votes)
-
-    def ends(self, time: float) -> bool:
-        """Whether steps, just now one more up to `time`, lead nowhere."""
-        if time - self.mark >= self.step:
-            self.mark, self.attempts = time, 0
-            return False
-        return self.leads_nowhere(time)
-
-    def leads_nowhere(self, time: float) -> bool:
-        """Whether the steps up to `time` are such that the run would not end."""
-        return lead_nowhere(self.attempts, time - self.mark, self.step)
 
 
 def why_nowhere(attempts: int, span: float, step: float, short: str) -> str:

@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.laws.further import Further
 from rungwise.simulation.core.state import Trial
-from rungwise.system.moving import Crowded, Moment, System
+from rungwise.system import contract
+from rungwise.system.moving import OF_GAPS, POSED, RESTS, Asked, Crowded, Moment, System
 from rungwise.system.terms import Terms
+
+
+class ToldSystem:
+    """A system of kernels (its `mechanism`) whose contacts have further laws, which are Python; what steps
+    ask beside these, the kernels answer."""
+
+    def __init__(self, system: Any, further: Further | None) -> None:
+        self._system, self._further = system, further
+
+    def __getattr__(self, name: str) -> Any:
+        return partial(getattr(contract, name), self._system.mechanism)
+
+    def tell_laws(self, trial: Trial, at_start: bool) -> None:
+        if self._further is not None:
+            self._further.fill(trial, at_start)
+
+    def until_edge(self, trial: Trial) -> float:
+        return trial.h if self._further is None else self._further.until_edge(trial)
 
 
 @dataclass
@@ -19,6 +43,8 @@ class PlainSystem:
     system: System
     further: Further | None
     crowded: Crowded = field(init=False)
+    _middle: Reals = field(init=False)
+    _kept: list[NDArray[Any]] = field(init=False)
 
     def fill(
         self, moment: Moment, terms: Terms, reach: float, slots: Ints, fresh: Ints, driving: Reals
@@ -47,3 +73,56 @@ class PlainSystem:
     def tell_laws(self, trial: Trial, at_start: bool) -> None:
         if self.further is not None:
             self.further.fill(trial, at_start)
+
+    def fill_speeds(self, time: float, speeds: Reals) -> None:
+        speeds[:] = self.system.speeds(time)
+
+    def follow(self, values: Reals, _h: float, ends: bool) -> None:
+        if not hasattr(self.system, "follow"):
+            return
+        if not ends:
+            self._middle = values.copy()
+        else:
+            self.system.follow(self._middle, values)
+
+    def lacks_room(self) -> bool:
+        return False
+
+    def until_edge(self, trial: Trial) -> float:
+        return trial.h if self.further is None else self.further.until_edge(trial)
+
+    def accept(self, _q: Reals, _v: Reals, _trial: Trial) -> None:
+        self.system.accept()
+
+    def keep(self) -> None:
+        self._kept = [part.copy() for part in getattr(self.system, "kept", ())]
+
+    def take_back(self) -> None:
+        for part, kept in zip(getattr(self.system, "kept", ()), self._kept, strict=True):
+            part[...] = kept
+
+    def tell_values(self, asked: Asked, q: Reals, v: Reals, values: Reals) -> bool:
+        """See `system.contract`; ways are those of bodies that do not turn, unless the system has `paces`."""
+        system: Any = self.system
+        poses, gaps, ways = asked.firsts
+        if asked.reads[POSED]:
+            frames = system.frames(q).ravel()
+            values[poses : poses + len(frames)] = frames
+        for place, (a, b) in zip(asked.place, asked.pairs, strict=True):
+            values[gaps + place] = system.gap(q, int(a), int(b))
+        if asked.reads[RESTS]:
+            bodies = len(values) - 1 - int(ways)
+            own = (np.linalg.norm(v[asked.owner == b]) for b in range(bodies))
+            paces = system.paces(q, v) if hasattr(system, "paces") else np.fromiter(own, float, bodies)
+            values[ways:-1] = asked.step[0] * paces
+        return True
+
+    def hear(self, asked: Asked, force: Reals, h: float, values: Reals) -> None:
+        system: Any = self.system
+        first, count = int(asked.firsts[OF_GAPS]), int(asked.contacts[0])
+        place = {(int(a), int(b)): int(k) for k, (a, b) in zip(asked.place, asked.pairs, strict=True)}
+        for a, b, push in system.pushes(force) if place else ():
+            at = place.get((min(a, b), max(a, b)), -1)
+            if at >= 0:
+                values[first + count + at] += push
+                values[first + 2 * count + at] += h * push

@@ -10,18 +10,25 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.contact.step import ContactProblem, Elimination, Sizes, Unknowns, matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
+from rungwise.simulation.watched.values import PLACE
 from rungwise.system.terms import Terms
 
 STATIC, KINETIC, IMPULSIVE = 0, 1, 2
 """Rows of `State.laws`."""
 
-COUNTS = "steps solves limited free bounced leans surfaces"
-TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
+COUNTS = "steps attempts solves limited free bounced leans surfaces crowd blamed votes " + PLACE[0]
+TIMES = (
+    "time tried next eps theta residual worst_residual drive_work load_work contact_work support_work"
+    " joint_work gained leapt mark " + PLACE[1]
+)
 CLOCK = record_type(COUNTS, TIMES)
-"""steps taken, and problems solved for all that was tried; limited rows and free coordinates in use;
-`bounced`: whether restitution applied in this step; `leans`: whether its problem starts from the velocity
-`wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last attempt; `eps` and
-`theta` belong to its problem; then its residual, and the work of all steps taken."""
+"""steps taken, attempts at them, and problems solved for all that was tried; limited rows and free
+coordinates in use; `bounced`: whether restitution applied in this step; `leans`: whether its problem starts
+from the velocity `wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last
+attempt, `next` the one to try next; `eps` and `theta` belong to its problem; then its residual and the worst
+so far, the work of all steps taken, and `gained`, the energy that bounces added. `leapt` is how far the last
+step moved bodies by what does not vanish with its length. At `mark` the last nominal step began, `crowd`
+attempts ago; `blamed` keeps most steps short, by `votes` (see `core.crawl`). For the rest see `PLACE`."""
 
 
 class State(Block):

@@ -32,11 +32,11 @@ from rungwise.simulation.derivatives.steps import (
 )
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.state import prescribed_speeds
-from rungwise.simulation.planar.state.inputs import set_all
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.planar.state.workspace import Scratch, State
 from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 from rungwise.simulation.run import Simulation
+from rungwise.simulation.watched.inputs import set_all
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.contact_manifold import ABSENT
@@ -95,7 +95,7 @@ class Assembly(Steps):
         run = self._simulation
         inputs = run._setting.inputs
         self.state.values[inputs.columns] = levels
-        set_all(inputs, run._bound.buffer, self.workspace)
+        set_all(inputs, run._bound.buffer, self.workspace.watched)
 
     def _seen_near(self, start: Start, near: float) -> int:
         self.place(start, None)

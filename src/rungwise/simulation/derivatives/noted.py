@@ -45,19 +45,23 @@ class Noting(Stepper):
 
     noted: list[Solved]
 
-    def _attempt(self, h: float) -> tuple[int, Array]:
+    def attempt(self, h: float) -> int:
         """An attempt that holds is looked at again, from place to place."""
-        status, v = super()._attempt(h)
-        tried, end, reach = self.tried, self.tried.trial.copy(), float(self.note["reach"])
-        places, ways = tried.places.copy(), tried.ways.copy()
+        status = super().attempt(h)
+        tried, reach = self.tried, float(self.note["reach"])
+        end, v, places, ways = (part.copy() for part in (tried.trial, tried.v, tried.places, tried.ways))
         self.noted = []
         for k in range(int(self.note["count"]) if status == SUPPORTED else 0):
-            place = places[k] if k > 0 else self.q
-            self.fill_at(place, ways[k], h, reach)
-            self._again(h)
-            self.noted.append(Solved(place, *found_in(self._tried(h)), self._held()))
+            if k > 0:
+                self.fill_at(places[k], ways[k], h, reach)
+            else:
+                self.fill(h, reach)
+            self.again(h)
+            self.noted.append(
+                Solved(places[k] if k > 0 else self.q.copy(), *found_in(self.trial(h)), self._held())
+            )
         tried.trial[:], tried.v[:] = end, v
-        return status, v
+        return status
 
     def _held(self) -> SpaceHeld:
         terms, scratch, count, clock = self.terms, self.scratch, self.contacts, self.clock

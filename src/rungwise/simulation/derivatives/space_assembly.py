@@ -20,6 +20,7 @@ from rungwise.scene import InvalidScene
 from rungwise.scene.fields.laws.contact import LAWS, titles
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.step import SUPPORTED
+from rungwise.simulation.core.stepper import UndefinedNumber
 from rungwise.simulation.derivatives.noted import OF_FEATURES, Noting, Solved, SpaceHeld, restore
 from rungwise.simulation.derivatives.steps import (
     CHANGING,
@@ -34,6 +35,8 @@ from rungwise.simulation.derivatives.steps import (
     at_solution,
     refuse_rough,
 )
+from rungwise.simulation.inputs import compile_segments
+from rungwise.simulation.moving.values import blank_values, slots_of
 from rungwise.simulation.options import ModelError, moving_rung, positive
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
@@ -67,8 +70,11 @@ class SpaceAssembly(Steps):
         refuse_rough([law.title for law in LAWS if not law.is_smooth and law.title in named])
         self._scene, self._bound, self._system, self.theta = scene, bound, system, theta
         self.h = bound.step if h is None else positive("step", h)
-        self._told, self._told_at = bound.values.copy(), (np.nan, np.nan)
-        stepper = self._stepper = Noting(system, rung, self.h, theta, self._tell)
+        template = scene.template
+        blank, inputs = blank_values(template, bound), compile_segments(scene, ())
+        stepper = self._stepper = Noting(
+            system, rung, self.h, theta, blank, slots_of(template), inputs, bound.numbers
+        )
         self.state, self.scratch = stepper.state, stepper.scratch
         self.terms, self.problem, self.rung = stepper.terms, stepper.problem, rung.record(theta)
         self.reach, self.lever = system.size.length, system.lever
@@ -82,15 +88,13 @@ class SpaceAssembly(Steps):
         self._gone = np.zeros(len(system.kept.geoms), bool)
 
     def tell(self, levels: Array) -> None:
-        template = self._scene.template
-        self._told[[template.parameters.index(name) for name in template.inputs]] = levels
-        self._told_at = np.nan, np.nan
+        self._stepper.watched.values[self._stepper.inputs.columns] = levels
 
     def _seen_near(self, start: Start, near: float) -> int:
         stepper = self._stepper
         self._begin_anew()
         self._put(start)
-        if not stepper.fill_at(start.q, start.v, self.h, SEEN * near):
+        if not stepper.fill(self.h, SEEN * near):
             raise ModelError("step: more contacts are near than there is room for")
         return stepper.contacts
 
@@ -104,24 +108,16 @@ class SpaceAssembly(Steps):
         mujoco.mj_differentiatePos(self._system.model, found, 1.0, q, other)
         return found
 
-    def _tell(self, time: float, h: float) -> None:
-        """Set speeds as of the middle of a step, and controls as of its end, as runs do."""
-        if self._told_at != (time, h):
-            self._told_at = time, h
-            self._told[-1] = time + 0.5 * h
-            self._bound.tell_speeds(self._told)
-            self._told[-1] = time + h
-            self._bound.tell_controls(self._told)
-        self._system.expect(h)
-
     def _put(self, start: Start) -> None:
         """Let the stepper begin at the start."""
         stepper, state = self._stepper, self._stepper.state
-        stepper.q, stepper.time, stepper._told = start.q, start.time, np.nan
+        stepper.q, stepper.time = start.q, start.time
         state.v[:], state.deformation[:] = start.v, start.deformation
         self._system.activation[:] = start.activation
-        stepper._speeds = b""
-        stepper._begin(self.h)
+        try:
+            stepper.lead(self.h)
+        except UndefinedNumber as error:
+            raise InvalidScene(self._bound.wrong(error.args[0], start.time)) from None
 
     def taken(self, start: Start) -> Taken:
         """See `Steps`. Features are those at the start, or those that are known there."""
@@ -129,22 +125,22 @@ class SpaceAssembly(Steps):
         self._begin_anew()
         if start.features is None:
             self._put(start)
-            stepper.fill_at(start.q, start.v, self.h, system.margin)
+            stepper.fill(self.h, system.margin)
             system.accept()
         else:
             recall(stepper, system, start.features)
         self._put(start)
-        status, _ = stepper._attempt(self.h)
+        status = stepper.attempt(self.h)
         if status != SUPPORTED:
             go_on(self.halt)
             raise ModelError("step: no step of this length can be taken from here; take a shorter one")
-        stepper._accept(self.h)
-        system.took(self.h)
+        stepper.accept(self.h)
         self._gone = system.kept.geoms[:, 0] == FREE
         state.deformation[: len(self._gone)][self._gone] = 0.0
         end = Start(
-            stepper.q, state.v.copy(), state.deformation.copy(), stepper.time, remembered(stepper, system),
-            system.activation.copy(), np.where(self._gone[:, None], 0.0, system.kept.along).ravel(),
+            stepper.q.copy(), state.v.copy(), state.deformation.copy(), stepper.time,
+            remembered(stepper, system), system.activation.copy(),
+            np.where(self._gone[:, None], 0.0, system.kept.along).ravel(),
         )  # fmt: skip
         return Taken(stepper.scratch.v_new.copy(), None, end)
 
@@ -213,8 +209,10 @@ class SpaceAssembly(Steps):
             system.look_within(held.margin)
         if faster is not None:
             self.state.speed[:] += faster
-        place = start.q if trial is None else system.integrate(start.q, trial, self.h)
-        stepper.fill_at(place, start.v if trial is None else trial, self.h, system.margin)
+        if trial is None:
+            stepper.fill(self.h, system.margin)
+        else:
+            stepper.fill_at(system.integrate(start.q, trial, self.h), trial, self.h, system.margin)
         return stepper.contacts
 
     def _gaps(self, held: SpaceHeld, trial: Array | None, gap: Array) -> Array:

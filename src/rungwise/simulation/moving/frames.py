@@ -33,6 +33,10 @@ def worked(clock: np.void) -> Reals:
     return np.array([float(clock[name]) for name in WORK])
 
 
+FAR = 1 << 30
+"""More steps than a turn takes."""
+
+
 @dataclass
 class Recorder:
     """Keeps at most `most` frames, none if that is 0, every `stride` steps; the stride doubles when they are
@@ -43,11 +47,19 @@ class Recorder:
     frames: list[Any] = field(default_factory=list)
     _since: int = 0
 
+    @property
+    def due(self) -> int:
+        """Steps until the next frame."""
+        return max(1, self.stride - self._since) if self.most else FAR
+
+    def since(self, steps: int) -> None:
+        """So many steps were taken since this was told last."""
+        self._since += steps
+
     def take(self, time: float, frame: Callable[[], Any], last: bool = False) -> None:
         """Keep the state of this time, if it is its turn or the last."""
         if self.most == 0:
             return
-        self._since += 1
         if not last and self.frames and self._since < self.stride:
             return
         if self.frames and self.frames[-1].time == time:

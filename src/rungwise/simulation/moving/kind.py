@@ -37,9 +37,17 @@ class Kind:
     kind: ClassVar[str] = "scenes of this world"
     run_of: ClassVar[Callable[..., Any]] = MovingRun
 
-    def follow(self, middle: Reals, end: Reals) -> None:
-        """Take over inputs in the middle of a step and at its end (see `Led`). Raises InvalidScene."""
-        self.system.follow(middle, end)
+    @property
+    def buffer(self) -> Reals:
+        """The scene's numbers (k,), into which its inputs are followed."""
+        return np.zeros(0)
+
+    def undefined(self, place: int, time: float) -> str:
+        """What is wrong with a number of these that is not finite."""
+        raise NotImplementedError
+
+    def begins(self, stepper: Stepper) -> None:
+        """The run begins where the stepper is."""
 
     def remembered(self) -> Reals:
         """What the core and the system hand on from step to step."""
@@ -114,8 +122,8 @@ class Kind:
 
     def crawled(self, stepper: Stepper) -> str:
         """What kept the steps short of a run whose steps led nowhere."""
-        crawl = stepper.crawl
-        why = why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, "")
+        clock = stepper.clock
+        why = why_nowhere(int(clock["crowd"]), stepper.time - float(clock["mark"]), stepper.step, "")
         return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may help."
 
     def stuck(self, stepper: Stepper) -> str:

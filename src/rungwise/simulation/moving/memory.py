@@ -11,27 +11,28 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.watched.values import PLACE
 
 
 class Parts(NamedTuple):
-    """Where in a memory (w,) what lies: of the schedule's clock, the run's own numbers, values that
-    conditions read, and the core's."""
+    """Where in a memory (w,) what lies: the place in the schedule (see `PLACE`), the inputs before its
+    segment, the greatest margins of goal and danger, values that conditions read, and the core's."""
 
-    clock: slice
-    own: slice
+    place: slice
+    levels: slice
+    margins: slice
     values: slice
     core: slice
 
 
-OWN = 4
-"""Numbers of a run: length of the next step, margins of goal and danger, energy gained."""
+PLACES = " ".join(PLACE).split()
+"""Fields of the clock that are the place in the schedule."""
 
 
 def memory_parts(scene: AnyScene) -> Parts:
     """Where in memories of this scene's runs what lies."""
-    clock = 2 + len(scene.template.inputs)
-    values = clock + OWN + scene.template.value_count
-    return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
+    ends = np.cumsum([0, len(PLACES), len(scene.template.inputs), 2, scene.template.value_count]).tolist()
+    return Parts(*map(slice, ends, [*ends[1:], None]))
 
 
 def _arrays(stepper: Stepper) -> list[NDArray[Any]]:
@@ -56,15 +57,15 @@ def restored(values: Reals, part: NDArray[Any]) -> NDArray[Any]:
 
 def remembered(stepper: Stepper) -> Reals:
     """The memory (w,) of a run of a system that keeps features in fixed slots."""
-    return np.concatenate([[stepper.leapt], *flattened(_arrays(stepper))])
+    return np.concatenate(flattened(_arrays(stepper)))
 
 
 def recall(stepper: Stepper, values: Reals) -> None:
     """Go on as the run with this memory would. Raises ValueError where it is of another system."""
     arrays = _arrays(stepper)
-    if len(values) != 1 + sum(part.size for part in arrays):
+    if len(values) != sum(part.size for part in arrays):
         raise ValueError("the memory is of another system")
-    stepper.leapt, at = float(values[0]), 1
+    at = 0
     for part in arrays:
         part[...] = restored(values[at : at + part.size], part)
         at += part.size
@@ -74,6 +75,6 @@ def begin_anew(stepper: Stepper) -> None:
     """Keep of a run's memory only what contacts carry over to another run."""
     stepper.scratch.limited_force[:] = stepper.scratch.limited_mode[:] = 0
     stepper.state.impulse[:] = 0.0
-    stepper.leapt = 0.0
+    stepper.clock["leapt"] = 0.0
     if not stepper.rung.compliant:
         stepper.state.deformation[:] = 0.0

@@ -206,7 +206,7 @@ def _ran(terms: Terms, sample: Sample, watch: _Watch | None) -> Sampled:
                 simulation.deadline.look()
                 if watch is not None:
                     watch.look()
-                simulation.take()
+                simulation.take_some(terms.budget - (simulation.steps - begun))
                 if ends is not None:
                     ends.note()
         if simulation.outcome == Code.RUNNING:

@@ -1,4 +1,4 @@
-"""Running a scene on a rung: the core's steps with the scene's inputs, conditions and frames.
+"""Running a scene on a rung: the core's loop with the scene's inputs, conditions and frames.
 
 The scene's world says what moves (`Prepared`); the plane has a loop of its own.
 """
@@ -8,43 +8,46 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rungwise.deadline import Running
-from rungwise.kernel import Reals
+from rungwise.deadline import Running, clock, set_at
+from rungwise.kernel import Ints, Reals, linking_time, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
+from rungwise.scene.language.expression import SLOTS
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.core.tolerances import ROUNDING
-from rungwise.simulation.inputs import condition
+from rungwise.simulation.core.advance import NO_ROOM
+from rungwise.simulation.core.loop import Loop, allocate_margins, allocate_snapshot, begin_run, take_steps
+from rungwise.simulation.core.stepper import Stepper, UndefinedNumber
+from rungwise.simulation.inputs import compile_segments, impossible_times
+from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
-from rungwise.simulation.moving.held_since import Times
 from rungwise.simulation.moving.kind import Kind
-from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.moving.memory import PLACES, memory_parts
 from rungwise.simulation.moving.prepared import Prepared
-from rungwise.simulation.moving.schedule import Clock
-from rungwise.simulation.moving.taken_back import Begun, sooner
-from rungwise.simulation.moving.values import Values
+from rungwise.simulation.moving.values import asked_of, blank_values, slots_of
 from rungwise.simulation.options import MANY, ModelError
-from rungwise.simulation.planar.state.held_since import DATINGS
 from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import Memory, State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
-
-GAINED = 1e-12
-"""Work of contacts in a step, over all of it, that is rounding."""
-
+from rungwise.simulation.watched.inputs import begin_inputs, set_all
+from rungwise.simulation.watched.values import CONTROL
 
 Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
+
+
+def _until(seconds: float | None, signals: Ints) -> AbstractContextManager[None]:
+    """Within the context these signals are set after so many seconds."""
+    return nullcontext() if seconds is None else set_at(clock() + seconds, [signals])
 
 
 class MovingSimulation(Turns, Kind):
@@ -58,7 +61,6 @@ class MovingSimulation(Turns, Kind):
             if getattr(given, name) is not None:
                 raise ModelError(f"{name}: does not work for {self.kind}")
         self._schedule()
-        self._gained = 0.0
         self.stepper: Stepper | None = None
         try:
             made = prepare(self.parameters)
@@ -70,24 +72,33 @@ class MovingSimulation(Turns, Kind):
         self._bound: Any = bound
         self.notes: tuple[str, ...] = bound.notes
         self.step = bound.step if given.step is None else given.step
-        template = scene.template
-        columns = tuple(template.parameters.index(name) for name in template.inputs)
-        self._margins = -math.inf, -math.inf
-        self._tol = math.inf if given.tol is None else given.tol
-        self._next, state = self.step, given.state
-        self._clock = Clock(self._segments, 0.0 if state is None else state.time, template.inputs, columns)
-        self._scheduled = bool(self.inputs) and given.duration is None
-        self.stepper = Stepper(self.system, self.model, self.step, self.theta, self._tell)
-        until = [condition(scene, each.until, "until") for each in self.inputs]
-        self._values = Values(scene, bound, until)
-        self._times = Times(self._values)
+        template, state = scene.template, given.state
+        self._growing: Growing | None = None
+        inputs, values = compile_segments(scene, self.inputs), blank_values(template, bound)
+        self.stepper = stepper = Stepper(
+            self.system, self.model, self.step, self.theta, values, slots_of(template), inputs, self.buffer
+        )
+        conditions = scene.programs
+        self._loop = Loop(
+            stepper.setting, (conditions.code, conditions.constants, conditions.table), np.zeros(1, CONTROL),
+            asked_of(template, (conditions.code, inputs.code), bound.step),
+            allocate_snapshot(stepper.setting), allocate_margins(), np.array([int(Code.RUNNING), 0]),
+        )  # fmt: skip
+        self._steps_in = steady(take_steps) if stepper.is_compiled else take_steps
+        self._turn, self._asked = 1, False
         before: list[Fault] | None = []
+        goes_on = False
         if state is not None:
-            before = self._go_on(state, self.stepper, given.inputs is None)
-        self.end = given.duration or (self._clock.end if self.inputs else bound.duration)
+            before, goes_on = self._go_on(state, stepper, given.inputs is None)
+        self._begin_schedule(stepper, state, goes_on)
+        self.end = given.duration or (self._end_of_inputs() if self.inputs else bound.duration)
         # A run that goes on where a condition ended a segment takes steps as long as the run before.
         whole = max(self.end, given.duration or sum(each.duration for each in self.inputs))
-        self._longest = (given.span or whole) / LONGEST
+        control = self._loop.control
+        control["ends"] = bool(self.inputs) and given.duration is None
+        control["step"], control["duration"], control["tolerance"] = self.step, self.end, bound.tolerance
+        control["longest"] = self.step if given.tol is None else (given.span or whole) / LONGEST
+        control["error"] = 0.0 if given.tol is None else given.tol
         if state is not None and not state.time < self.end:
             raise ModelError(f"duration: the run ends at {self.end:g}, and the state is at {state.time:g}")
         most, stride = given.frames or 0, given.stride
@@ -96,21 +107,33 @@ class MovingSimulation(Turns, Kind):
         self._recorder = Recorder(most, stride)
         if before is not None:
             field = "start" if state is None else "state"
-            self.reason = self.misplaced(self.stepper.q, before, field)
+            self.reason = self.misplaced(stepper.q, before, field)
             self.is_misplaced = state is not None and bool(self.reason)
-        self.reason = self.reason or self._times.impossible()
+        self.reason = self.reason or impossible_times(scene, inputs, values)
         if self.reason:
             self.outcome = Code.INVALID
             return
-        self._values.place(self.stepper.time, self.stepper.q, self.stepper.v, self.system)
-        self._values.push(self.stepper, self.system, 0.0)  # the state's impulses hold those of its last step
-        self._times.enter(self._clock.segment)
-        self._times.note(self._clock.segment)
-        self._times.end(self._clock.segment, self.stepper.time)
-        self._judge()
-        self._recorder.take(self.stepper.time, self.frame)
+        self.begins(stepper)
+        begin_run(stepper.inside, self._loop)
+        self.outcome = Code(int(self._loop.verdict[0]))
+        self._recorder.take(stepper.time, self.frame)
         if self.outcome != Code.RUNNING:
-            self._explain(self.stepper)
+            self._explain(stepper)
+
+    def _begin_schedule(self, stepper: Stepper, state: State | None, goes_on: bool) -> None:
+        """Begin the schedule, or go on at its place in the state's run."""
+        if state is None or not (goes_on and self.given.inputs is None):
+            begin_inputs(stepper.inputs, stepper.buffer, stepper.watched)
+        else:
+            set_all(stepper.inputs, stepper.buffer, stepper.watched)
+
+    def _end_of_inputs(self) -> float:
+        """When the schedule is over at the latest."""
+        assert self.stepper is not None
+        now = self.stepper.clock
+        later = sum(segment.duration for segment in self.inputs[int(now["segment"]) + 1 :])
+        last = int(now["segment"]) >= len(self.inputs)
+        return float(now["time"] if last else now["switch"]) + later
 
     @property
     def time(self) -> float:
@@ -127,21 +150,58 @@ class MovingSimulation(Turns, Kind):
 
     def _advanced(self, stepper: Stepper) -> None:
         """One turn. Raises TimeOver."""
-        over = time.perf_counter() + TURN_S
-        self._take_while(stepper, lambda: time.perf_counter() < over)
+        self._take(stepper, None)
         if self.outcome == Code.RUNNING:
             self.deadline.look()
 
-    def _take_while(self, stepper: Stepper, goes_on: Callable[[], bool]) -> None:
-        """Take steps while the run goes on, and this does. Raises TimeOver."""
-        began = time.perf_counter()
+    def _take(self, stepper: Stepper, count: int | None) -> int:
+        """Take at most so many steps, or those of a turn; returns how many. Raises TimeOver."""
+        signals, taken = np.zeros(1, np.int64), 0
+        began, waited = time.perf_counter(), linking_time()
         try:
-            with self.running(stepper):
-                while self.outcome == Code.RUNNING and goes_on():
-                    self.deadline.look()
-                    self.take()
+            with self.running(stepper), _until(None if count else TURN_S, signals):
+                while self.outcome == Code.RUNNING and signals[0] == 0 and (count is None or taken < count):
+                    taken += self._stretch(stepper, signals, None if count is None else count - taken)
         finally:
-            self.wall_s += time.perf_counter() - began
+            self.wall_s += time.perf_counter() - began - (linking_time() - waited)
+        return taken
+
+    def take_some(self, most: int) -> None:
+        """Take at most so many steps, fewer where a segment of the schedule ends, or a turn is over. Raises
+        TimeOver."""
+        signals = np.zeros(1, np.int64)
+        assert self.stepper is not None
+        with _until(TURN_S, signals):
+            self._stretch(self.stepper, signals, most)
+
+    def _stretch(self, stepper: Stepper, signals: Any, count: int | None) -> int:
+        """Take steps until a frame is due, a segment ends, something is to be asked, or `count` are taken;
+        returns how many. Raises TimeOver."""
+        before, due = int(stepper.clock["steps"]), self._recorder.due
+        try:
+            status = int(
+                self._steps_in(stepper.inside, self._loop, due if count is None else min(due, count), signals)
+            )
+            settled = stepper.settles(status, self._asked)
+        except UndefinedNumber as error:
+            self.outcome, self.reason = Code.INVALID, self.undefined(error.args[0], stepper.time)
+            return 0
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return 0
+        taken = int(stepper.clock["steps"]) - before
+        self._asked = not settled and (self._asked or status != NO_ROOM)
+        self._recorder.since(taken)
+        if not settled:
+            return taken
+        if stepper.outcome != Code.RUNNING:
+            self.outcome, self.certificate = stepper.outcome, stepper.certificate
+        else:
+            self.outcome = Code(int(self._loop.verdict[0]))
+        self._recorder.take(stepper.time, self.frame, last=self.outcome != Code.RUNNING)
+        if self.outcome != Code.RUNNING:
+            self._explain(stepper)
+        return taken
 
     def running(self, stepper: Stepper) -> Running:
         """Within the context steps raise TimeOver where the deadline has come."""
@@ -153,100 +213,21 @@ class MovingSimulation(Turns, Kind):
         over."""
         if self.stepper is None:
             return 0
-        taken = list[int]()
-        self._in_time(limit, partial(self._steps_taken, self.stepper, count, taken))
-        return len(taken)
+        before, stepper = self.steps, self.stepper
 
-    def _steps_taken(self, stepper: Stepper, count: int, taken: list[int]) -> None:
-        """Take at most so many steps, and note each. Raises TimeOver."""
-        with self.running(stepper):
-            while self.outcome == Code.RUNNING and len(taken) < count:
-                self.deadline.look()
-                self.take()
-                taken.append(1)
+        def turn() -> None:
+            self._take(stepper, count)
 
-    def take(self) -> None:
-        """Take one step of a run that goes on, and judge where it led."""
-        stepper = self.stepper
-        assert stepper is not None
-        h = min(self._next, self.end - stepper.time, self._clock.left(stepper.time))
-        h = min(h, self._times.end(self._clock.segment) - stepper.time)
-        before = float(stepper.clock["contact_work"])
-        try:
-            wish = self._stepped(stepper, h)
-        except InvalidScene as error:
-            self.outcome, self.reason = Code.INVALID, str(error)
-            return
-        if self._tol < math.inf:
-            self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
-        if stepper.clock["bounced"]:
-            added = float(stepper.clock["contact_work"]) - before
-            self._gained += added if added > GAINED * abs(before) else 0.0
-        if stepper.outcome != Code.RUNNING:
-            self.outcome, self.certificate = stepper.outcome, stepper.certificate
-            self._explain(stepper)
-        else:
-            self._judge()
-            self._recorder.take(stepper.time, self.frame)
-        if self.outcome == Code.RUNNING and stepper.time >= self.end * (1.0 - ROUNDING):
-            self.outcome = Code.TIMEOUT
-        if self.outcome != Code.RUNNING:
-            self._recorder.take(stepper.time, self.frame, last=True)
-            self._explain(stepper)
-
-    def _stepped(self, stepper: Stepper, h: float) -> float:
-        """Take a step of length h, or less where a condition begins to hold within it; returns the length for
-        the next. Raises InvalidScene."""
-        values, segment = self._values, self._clock.segment
-        lasting = bool(self._times.parts(segment))
-        looks = values.is_guarded(segment) or lasting or (bool(values.verdicts) and h > self.step)
-        begun, solved, dated = Begun.of(stepper, values, self.remembered()) if looks else None, 0.0, 0
-        if stepper.leapt > 0.0 and stepper.snaps_on(h):
-            return h
-        while True:
-            wish = stepper.advance(h, self._tol)
-            if values.is_asked:
-                values.read(stepper, self.system)
-            if begun is None or (stepper.outcome != Code.RUNNING and not solved):
-                if lasting and stepper.outcome == Code.RUNNING:
-                    self._times.ended(segment, float(stepper.clock["tried"]), values.all, exact=False)
-                return wish
-            took = float(stepper.clock["tried"])
-            if stepper.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
-                self._take_back(begun)
-                begun, h = None, solved
-                continue
-            h = sooner(begun, values, self._times, segment, took, self.step, self._longest, solved > 0.0)
-            if lasting and not h < took:
-                end = self._times.ended(segment, took, begun.values, dated < DATINGS)
-                h, dated = min(took, end - begun.time), dated + 1
-            if not h < took:
-                return min(wish, self.step) if solved else wish
-            self._take_back(begun)
-            solved = took
-
-    def _take_back(self, begun: Begun) -> None:
-        assert self.stepper is not None
-        self.recall(begun.core)
-        begun.restore(self.stepper, self._values)
-
-    def _tell(self, time: float, h: float) -> None:
-        """Tell the system the inputs in the middle of a step and at its end. Raises InvalidScene."""
-        told = self._values.told
-        self._clock.tell(time + 0.5 * h, told)
-        middle = told.copy()
-        self._clock.tell(time + h, told)
-        self.follow(middle, told)
+        self._in_time(limit, turn)
+        return self.steps - before
 
     def memory(self) -> Reals:
-        """What the run hands on (w,): its place in the schedule, the length of the next step, margins, values
-        that conditions read, and the core's."""
+        """What the run hands on (w,): see `memory.Parts`."""
         stepper = self.stepper
         assert stepper is not None
-        if not self._values.is_asked:
-            self._values.read(stepper, self.system)
-        own = np.array([self._next, *self._margins, self._gained])
-        return np.concatenate([self._clock.memory(), own, self._values.all, self.remembered()])
+        place = [float(stepper.clock[name]) for name in PLACES]
+        watched = stepper.watched
+        return np.concatenate([place, watched.levels, self._loop.margins, watched.values, self.remembered()])
 
     def memory_at(self, memory: Memory, q: Reals) -> Memory:
         """The memory of a state of this scene whose bodies were moved to q (n_q,)."""
@@ -254,60 +235,80 @@ class MovingSimulation(Turns, Kind):
         values[memory_parts(self.scene).values][first : first + len(q)] = q
         return replace(memory, values=values)
 
-    def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> list[Fault] | None:
+    def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> tuple[list[Fault] | None, bool]:
         """Begin at a state; where it is of this scene, with what its run handed on: all of it on the same
         rung at the same parameters, and the contacts on others. Inputs that a new schedule does not name stay
-        as they were. Returns what was amiss in the state's own run, None where it is just the same here."""
+        as they were. Returns what was amiss in the state's own run, None where it is just the same here; and
+        whether its place in the schedule is known."""
         rest, memory = begin_at(state, self.scene, stepper), state.memory
         if rest is None or memory is None:
-            return []
-        parts, columns = memory_parts(self.scene), list(self._clock.columns)
-        known = rest[parts.values][: len(self.scene.template.parameters)]
+            return [], False
+        parts, template, slots = memory_parts(self.scene), self.scene.template, stepper.slots
+        columns = [template.parameters.index(name) for name in template.inputs]
+        values, kept = stepper.watched.values, rest[parts.values]
+        known = kept[: len(template.parameters)]
         if memory.inputs:
-            self._values.told[columns] = known[columns]
-        if same_inputs:
-            self._clock.recall(rest[parts.clock])
-        same = np.array_equal(known, self._values.told[:-1])
+            values[columns] = known[columns]
+        same = np.array_equal(known, values[: len(known)])
         goes_on = same and memory.model.record(memory.theta) == self.model.record(self.theta)
         try:
             (self.recall if goes_on else self.hand_on)(rest[parts.core])
         except ValueError:
             if same:
                 raise StateError("state.memory: is of another scene") from None
+        clock = stepper.clock
+        clock["time"] = clock["mark"] = state.time
+        clock["crowd"] = clock["votes"] = 0
+        clock["worst_residual"] = 0.0
         if goes_on:
-            if same_inputs:
-                self._times.go_on(self._clock.segment)
-            self._next, *margins, self._gained = rest[parts.own].tolist()
-            self._margins = margins[0], margins[1]
-            self._values.hand_on(rest[parts.values])
+            self._loop.margins[:] = rest[parts.margins]
+            held = slice(slots.forces + len(template.contacts), slots.dates + SLOTS)
+            values[held] = kept[held]
+        if same_inputs:
+            for name, value in zip(PLACES, rest[parts.place], strict=True):
+                clock[name] = value
+            stepper.watched.levels[:] = rest[parts.levels]
         if same:
-            return None
-        parameters = dict(zip(self.scene.template.parameters, known.tolist(), strict=True))
+            return None, True
+        parameters = dict(zip(template.parameters, known.tolist(), strict=True))
         own = self.scene.file.parameters
-        still = {name: own[name].default for name in self.scene.template.inputs if memory.inputs}
-        return self.faults_before(parameters | still, stepper.q)
+        still = {name: own[name].default for name in template.inputs if memory.inputs}
+        return self.faults_before(parameters | still, stepper.q), True
 
     @property
     def segment(self) -> int:
-        return 0 if self.stepper is None else self._clock.segment
+        return 0 if self.stepper is None else int(self.stepper.clock["segment"])
 
     def _now(self) -> tuple[Reals, Reals, Reals]:
         assert self.stepper is not None
-        columns = list(self._clock.columns)
-        return self.stepper.q.copy(), self.stepper.v.copy(), self._values.told[columns]
+        levels = self.stepper.watched.values[self.stepper.inputs.columns]
+        return self.stepper.q.copy(), self.stepper.v.copy(), levels
 
     def _contacts(self) -> Contacts:
         return self.contacts(self.model.loads)
 
     def _open(self) -> None:
-        self._clock.enter(len(self._segments) - 1, self.time)
+        stepper = self.stepper
+        assert stepper is not None
+        if self._growing is None:
+            self._growing = Growing(self.scene)
+        self._growing.add(self._segments[-1])
+        last = self._growing.count - 1
+        opened = stepper.time if last == 0 else float(stepper.clock["opened"])
+        begin_inputs(self._growing.last, stepper.buffer, stepper.watched)
+        stepper.clock["segment"], stepper.clock["opened"] = last, opened
+        stepper.inputs = self._growing.whole
+        self._loop = self._loop._replace(setting=stepper.setting)
 
-    def _shorten(self, _duration: float) -> None:
-        self._clock.enter(len(self._segments), self.time)
+    def _shorten(self, duration: float) -> None:
+        assert self.stepper is not None and self._growing is not None
+        self._growing.shorten(duration)
+        self.stepper.clock["segment"] += 1
 
     def _through(self) -> None:
         assert self.stepper is not None
-        self._take_while(self.stepper, lambda: self.segment < len(self._segments))
+        while self.outcome == Code.RUNNING and self.segment < len(self._segments):
+            self._take(self.stepper, 1)
 
     @property
     def steps(self) -> int:
@@ -317,38 +318,21 @@ class MovingSimulation(Turns, Kind):
     @property
     def margin(self) -> float:
         """Signed margin of the run, as of `Results`."""
-        best, danger = self._margins
+        best, danger = self._loop.margins.tolist()
         if self.outcome == Code.GOAL:
             return -danger if danger > -math.inf else 1.0 - self.time / self.end
         return min(best, 0.0) if best > -math.inf else math.nan
-
-    def _judge(self) -> None:
-        """Set the outcome where a condition decides it, or the schedule is over."""
-        if self._values.verdicts:
-            best, danger = self._margins
-            self.outcome, goal, near = self._values.judge()
-            self._margins = max(best, goal), max(danger, near)
-        clock, values = self._clock, self._values
-        if self.outcome != Code.RUNNING:
-            return
-        if not clock.go_on(self.time, values.told, self._is_over):
-            on = self.inputs[clock.segment]
-            self.outcome = Code.TIMEOUT
-            self.reason = f"inputs.{clock.segment}.until: {on.until} did not hold within {on.duration:g}"
-        elif self._scheduled and clock.is_over:
-            self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
-
-    def _is_over(self, number: int) -> bool:
-        """Whether the condition of segment k, which is on, holds."""
-        self._times.enter(number)
-        return self._values.is_over(number)
 
     def _explain(self, stepper: Stepper) -> None:
         """Set the reason of the outcome."""
         outcome = OUTCOMES[self.outcome]
         if self.reason:
             return
-        if self.certificate is not None:
+        if self._loop.verdict[1]:
+            on = self.segment
+            each = self.inputs[on]
+            self.reason = f"inputs.{on}.until: {each.until} did not hold within {each.duration:g}"
+        elif self.certificate is not None:
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
         elif self.outcome == Code.NOT_CONVERGED:
@@ -363,8 +347,8 @@ class MovingSimulation(Turns, Kind):
     def _notes(self) -> tuple[str, ...]:
         """Remarks on the model, on the geometry of contacts, and on steps that went far."""
         remarks, stepper = self.remarks(), self.stepper
-        if stepper is not None and stepper.leaps:
-            first, count = stepper.leaps[0], len(stepper.leaps)
+        if stepper is not None and stepper.first_leap is not None:
+            first, count = stepper.first_leap, stepper.leaps
             name = self.fastest(first.v)
             more = f", {count} times in all" if count > 1 else ""
             remarks += (
@@ -393,6 +377,6 @@ class MovingSimulation(Turns, Kind):
             **self._record(clock),
             worst_residual=0.0 if stepper is None else stepper.residual,
             frames=tuple(self._recorder.frames) if stepper is not None else (),
-            energy_gained=self._gained,
+            energy_gained=0.0 if stepper is None else float(stepper.clock["gained"]),
             notes=self.moved_to_begin + (self._notes() if stepper is not None else ()),
         )

@@ -21,23 +21,6 @@ from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.tolerances import MAX_HALVINGS, PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
-from rungwise.simulation.planar.state.held_since import (
-    DATINGS,
-    REACHED,
-    clear_times,
-    is_over,
-    lasts,
-    set_ways,
-)
-from rungwise.simulation.planar.state.inputs import (
-    Inputs,
-    is_guarded,
-    shortened,
-    show_inputs,
-    switch_inputs,
-    until_lasts,
-    until_margin,
-)
 from rungwise.simulation.planar.state.laws import tell_laws
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
@@ -50,22 +33,29 @@ from rungwise.simulation.planar.state.verdicts import (
     MODEL_INVALID,
     NO_SUPPORT,
     NOT_CONVERGED,
-    RUNNING,
     TIMEOUT,
-    first_times,
     has_sunk,
-    judge,
-    look_back,
-    next_end,
-    note_all,
     spent,
     withholds,
 )
-from rungwise.simulation.planar.state.workspace import Conditions, State, Workspace
+from rungwise.simulation.planar.state.ways import set_ways
+from rungwise.simulation.planar.state.workspace import State, Workspace
 from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.error_control import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.step.midpoint_rows import is_centred
+from rungwise.simulation.watched.held_since import DATINGS, clear_times, is_over, lasts
+from rungwise.simulation.watched.inputs import (
+    Inputs,
+    is_guarded,
+    shortened,
+    show_inputs,
+    switch_inputs,
+    until_lasts,
+    until_margin,
+)
+from rungwise.simulation.watched.values import Conditions
+from rungwise.simulation.watched.verdicts import RUNNING, ended, first_times, judge, look_back, next_end
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -156,7 +146,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     look(records, workspace, state.v)
     apart = _comes_apart(records, workspace)
     copy(workspace.scratch.measures, state.start[n:])
-    clear_times(0, state)
+    clear_times(0, workspace.watched)
     return INVALID if apart or clock.least_gap < -slack(workspace) else RUNNING
 
 
@@ -209,10 +199,10 @@ def first_verdict(setting: Setting, workspace: Workspace) -> int:
     inputs, control = setting.inputs, setting.control
     if inputs.rests[0]:
         set_ways(setting.records, workspace.state)
-    if not first_times(setting.conditions, inputs, workspace):
+    if not first_times(setting.conditions, inputs, workspace.watched):
         return INVALID
-    verdict = judge(setting.conditions, workspace.state, workspace.scratch)
-    if switch_inputs(inputs, setting.buffer, 0.0, workspace):
+    verdict = judge(setting.conditions, workspace.watched)
+    if switch_inputs(inputs, setting.buffer, 0.0, workspace.watched):
         return TIMEOUT if verdict == RUNNING else verdict
     spent_all = workspace.state.clock[0].segment >= inputs.durations.shape[0]
     return MISSED if verdict == RUNNING and control[0].ends and spent_all else verdict
@@ -224,19 +214,19 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     condition holds, so that the condition's beginning is known to a nominal step. None is taken where it is
     halted first."""
     records, inputs, conditions, buffer, rung, control = setting
-    state = workspace.state
+    state, watched = workspace.state, workspace.watched
     clock = state.clock[0]
     planned = min(clock.next, control[0].longest)
     stop, lasting, dated = clock.switch, lasts(conditions) or until_lasts(inputs), 0
     if lasting:
-        stop = min(stop, next_end(conditions, inputs, -math.inf, workspace))
+        stop = min(stop, next_end(conditions, inputs, -math.inf, watched))
     h = min(planned, control[0].duration - clock.time, stop - clock.time)
     cut = stop - clock.time < planned
-    past, guarded = False, is_guarded(inputs, state)
-    before = until_margin(inputs, workspace) if guarded else -math.inf
+    past, guarded = False, is_guarded(inputs, watched)
+    before = until_margin(inputs, watched) if guarded else -math.inf
     refused, nowhere = False, max(NOWHERE * control[0].tolerance, control[0].jam)
     if h > control[0].step or lasting:
-        copy(state.values, workspace.scratch.begun)
+        copy(state.values, watched.begun)
     if guarded or lasting:
         keep(workspace, workspace.kept)
     for _ in range(MAX_HALVINGS):
@@ -257,32 +247,32 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             if rung[0].metric:
                 _note_leap(records, h, state)
             if clock.varies:
-                show_inputs(inputs, state)
+                show_inputs(inputs, watched)
             if inputs.rests[0]:
                 set_ways(records, state)
-            verdict = judge(conditions, state, workspace.scratch)
+            verdict = judge(conditions, watched)
             if h > control[0].step:
-                clear = look_back(verdict, conditions, inputs, control, h, workspace)
+                clear = look_back(verdict, conditions, inputs, control, h, watched)
                 if clear < 1.0:
                     restore(records, workspace)
                     h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
                     past = True
                     continue
-            part = shortened(inputs, control, before, h, workspace) if guarded else 1.0
+            part = shortened(inputs, control, before, h, watched) if guarded else 1.0
             if part < 1.0:
                 restore(records, workspace)
                 h, past = part * h, True
                 continue
             waits = False
             if lasting:
-                end = _ended(conditions, inputs, h, dated < DATINGS, workspace)
+                end = ended(conditions, inputs, h, dated < DATINGS, watched)
                 if end < clock.time:
                     restore(records, workspace)
                     stop, cut, dated = end, True, dated + 1
                     h = end - clock.time
                     continue
                 waits = end < math.inf
-                verdict = judge(conditions, state, workspace.scratch)
+                verdict = judge(conditions, watched)
             clock.steps += 1
             clock.taken = h
             short = h * max(moving, _fastest(records, rung, workspace)) < nowhere
@@ -300,7 +290,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             if verdict != RUNNING:
                 return verdict
             left = clock.segment < inputs.durations.shape[0]
-            if left and switch_inputs(inputs, buffer, h, workspace):
+            if left and switch_inputs(inputs, buffer, h, watched):
                 return TIMEOUT
             if crawls(control, state):
                 return NOT_CONVERGED
@@ -329,19 +319,6 @@ def stalled_after(stalled: int, refused: bool, short: bool) -> int:
     """How far a run is from a jam, after a step: `BETWEEN` for each short step in place of a longer one
     without solution. Other short steps make up for these, and a step that is not short for all."""
     return max(stalled + (BETWEEN if refused else -1), 0) if short else 0
-
-
-@rare_kernel
-def _ended(conditions: Conditions, inputs: Inputs, h: float, exact: bool, workspace: Workspace) -> float:
-    """Note since when parts of conditions hold, after a step of length h; returns when the first of them will
-    have held long enough, inf if none waits. With `exact` this may be within the step, which is then to be
-    taken back."""
-    now = workspace.state.clock[0].time
-    note_all(conditions, inputs, h, workspace)
-    end = next_end(conditions, inputs, -math.inf, workspace)
-    if exact and now - h < end < now - REACHED * h:
-        return end
-    return next_end(conditions, inputs, now + REACHED * h, workspace)
 
 
 @rare_kernel

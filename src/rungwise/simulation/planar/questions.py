@@ -9,9 +9,10 @@ from rungwise.scene.language.expression import evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Numbers
-from rungwise.simulation.planar.state.held_since import set_ways
 from rungwise.simulation.planar.state.nearby import look
-from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
+from rungwise.simulation.planar.state.ways import set_ways
+from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.watched.values import TIME, Conditions
 from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.place import place
 
@@ -41,14 +42,14 @@ def answer(
     for i in range(q.shape[0]):
         copy(q[i], state.q)
         copy(v[i], state.v)
-        state.values[time_slot(state)] = rest[i, 0]
+        state.values[workspace.watched.slots[TIME]] = rest[i, 0]
         copy(rest[i, 1 : 1 + contacts], state.pushes)
         copy(rest[i, 1 + contacts : inputs], state.impulses)
         for j in range(columns.shape[0]):
             state.values[columns[j]] = rest[i, inputs + j]
         copy(rest[i, inputs + columns.shape[0] :], state.dates)
         if clock.lifts:
-            evaluate_numbers(numbers, state.values, workspace.scratch.stack, buffer)
+            evaluate_numbers(numbers, state.values, workspace.watched.stack, buffer)
         set_ways(records, state)
         state.manifolds.features[:] = ABSENT
         clock.margin, clock.tried, clock.next = math.inf, 0.0, 0.0
@@ -59,7 +60,7 @@ def answer(
         code, constants, table = terms
         for k in range(values.shape[1]):
             values[i, k] = evaluate(
-                code, constants, table[k, 0], table[k, 1], state.values, workspace.scratch.stack
+                code, constants, table[k, 0], table[k, 1], state.values, workspace.watched.stack
             )
 
 

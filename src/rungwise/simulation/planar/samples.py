@@ -12,18 +12,12 @@ from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand, take_start
 from rungwise.simulation.planar.loop import STOPPED, Setting, begin, first_verdict, run_step
-from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.state.memory import clear, go_on
-from rungwise.simulation.planar.state.verdicts import (
-    GOAL,
-    INVALID,
-    MODEL_INVALID,
-    NOT_CONVERGED,
-    RUNNING,
-    crushed,
-    margins,
-)
-from rungwise.simulation.planar.state.workspace import Conditions, Workspace
+from rungwise.simulation.planar.state.verdicts import INVALID, MODEL_INVALID, NOT_CONVERGED, crushed
+from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.watched.inputs import Inputs, begin_inputs
+from rungwise.simulation.watched.values import Conditions
+from rungwise.simulation.watched.verdicts import GOAL, RUNNING, margins
 
 RESULT = record_type("outcome steps attempts solves switches", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
@@ -151,14 +145,14 @@ def _prepare(
     else:
         take_start(records, rung, state)
     _set_schedule(samples, i, options, place)
-    begin_inputs(place.inputs, place.buffer, workspace)
+    begin_inputs(place.inputs, place.buffer, workspace.watched)
     if bodies.shape[0] > 0 and memory < 0:
         code = begin_by_hand(records, rung, control, workspace)
     else:
         code = begin(records, rung, control, workspace)
     if memory >= 0:
         go_on(records, workspace, samples.memories[memory])
-        begin_inputs(place.inputs, place.buffer, workspace)
+        begin_inputs(place.inputs, place.buffer, workspace.watched)
         return True
     return code != INVALID
 
@@ -246,7 +240,7 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
         values[columns[j]] = point[j]
     for j in range(place.buffer.shape[0]):
         place.buffer[j] = programs.buffer[j]
-    stack = place.workspace.scratch.stack
+    stack = place.workspace.watched.stack
     fault, _ = bind(programs.numbers, programs.bounds, values, stack, place.buffer, records)
     values[values.shape[0] - 1] = records.world[0].tolerance
     return fault == BOUND
@@ -267,7 +261,7 @@ def _set_control(options: RecordArray, place: Place) -> None:
 @kernel
 def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
     """Greatest margins so far: of the goal, and of the unsafe and doomed conditions."""
-    goal, near = margins(conditions, workspace.state, workspace.scratch)
+    goal, near = margins(conditions, workspace.watched)
     return goal if goal > best else best, near if near > danger else danger
 
 

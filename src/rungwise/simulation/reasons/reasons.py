@@ -176,7 +176,7 @@ class Reasons:
 
     def _undefined(self) -> str:
         """Which number that depends on time is not finite, and when; or why bodies overlap on the way."""
-        slot = int(self.workspace.scratch.undefined[0])
+        slot = int(self.workspace.watched.undefined[0])
         if slot < 0:
             return self._landed()
         checks = self.scene.template.checks

@@ -12,7 +12,8 @@ from rungwise.scene.language.expression import STACK
 from rungwise.scene.scene import Bound
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import ANGLE, SERVO
-from rungwise.simulation.planar.state.workspace import Workspace, time_slot
+from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.watched.values import TIME
 from rungwise.system.planar.joints import measure
 from rungwise.system.planar.terms import target
 from rungwise.system.terms import rows_of
@@ -135,5 +136,5 @@ def _of_joint(scene: Scene, bound: Bound, workspace: Workspace, m: int) -> _Serv
 def _set_time(scene: Scene, bound: Bound, workspace: Workspace, time: float) -> None:
     """Set the numbers that depend on time as they are then; they stay so."""
     values = workspace.state.values.copy()
-    values[time_slot(workspace.state)] = time
+    values[workspace.watched.slots[TIME]] = time
     evaluate_numbers(scene.template.timed_numbers(), values, np.zeros(STACK), bound.buffer)

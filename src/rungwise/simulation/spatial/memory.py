@@ -14,9 +14,9 @@ from rungwise.simulation.moving.memory import restored
 from rungwise.system.spatial.features import FREE, Features
 from rungwise.system.spatial.space import Space
 
-HEAD = 7
-"""Numbers before all others: margin of contacts, how far the last step leapt, limited rows, slots of the
-state and of features, and how many of them are in use."""
+HEAD = 6
+"""Numbers before all others: margin of contacts, limited rows, slots of the state and of features, and how
+many of them are in use."""
 
 
 class _Arrays(NamedTuple):
@@ -47,7 +47,7 @@ def remembered(stepper: Stepper, space: Space) -> Reals:
     first = HEAD + actives + knowns
     at = first + sum(part.size for part in whole)
     found = np.empty(at + size)
-    found[:HEAD] = (space.margin, stepper.leapt, *_sizes(stepper, space), actives, knowns)
+    found[:HEAD] = (space.margin, *_sizes(stepper, space), actives, knowns)
     found[HEAD : HEAD + actives], found[HEAD + actives : first] = active[:actives], known[:knowns]
     for part in whole:
         found[first : first + part.size] = part.view(np.float64)
@@ -108,7 +108,7 @@ def _put(source: Reals, slots: Ints, rows: Reals, at: int) -> int:
 
 def activations(core: Reals, count: int) -> Reals:
     """The activations (k,) in such a memory."""
-    first = HEAD + int(core[5:HEAD].sum())
+    first = HEAD + int(core[4:HEAD].sum())
     return core[first : first + count].copy()
 
 
@@ -120,11 +120,10 @@ def recall(stepper: Stepper, space: Space, values: Reals) -> None:
     """Go on as the run with this memory would; what follows it in the array is not read. Raises ValueError
     where it is of another model."""
     arrays = _arrays(stepper, space)
-    if len(values) < HEAD or values[2:5].tolist() != _sizes(stepper, space):
+    if len(values) < HEAD or values[1:4].tolist() != _sizes(stepper, space):
         raise ValueError("the memory is of another model")
     space.look_within(float(values[0]))
-    stepper.leapt = float(values[1])
-    counts, at = values[5:HEAD].astype(np.int64), HEAD
+    counts, at = values[4:HEAD].astype(np.int64), HEAD
     active = values[at : at + counts[0]].astype(np.int64)
     known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
     at += int(counts.sum())

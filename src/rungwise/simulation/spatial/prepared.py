@@ -28,5 +28,5 @@ class Prepared(NamedTuple):
         """Raises InvalidScene, naming the field, where the scene is impossible at these parameters."""
         bound = scene.bind(parameters)
         laws = Laws(bound.law, bound.laws, bound.named)
-        told = bound.control, bound.pace, bound.activation
-        return cls(bound, Space(bound.model, laws, bound.place, bound.motion, *told))
+        start = bound.place, bound.motion, bound.numbers, bound.activation
+        return cls(bound, Space(bound.model, laws, *start))

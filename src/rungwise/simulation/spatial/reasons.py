@@ -50,13 +50,14 @@ def stuck(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
 def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:
     """What kept the steps short of a run whose steps led nowhere, the body that was fastest, and what may
     lead on."""
-    crawl = stepper.crawl
-    cause, slot = crawl.blamed % CAUSES, crawl.blamed // CAUSES
+    clock = stepper.clock
+    blamed = int(clock["blamed"])
+    cause, slot = blamed % CAUSES, blamed // CAUSES
     short = (
         " ".join(LONGER[cause].format(at=_at(slot, space, labels.geoms)).split()) if cause in LONGER else ""
     )
     lines = [
-        why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, short),
+        why_nowhere(int(clock["crowd"]), stepper.time - float(clock["mark"]), stepper.step, short),
         f"The fastest body is {fastest(space, labels.bodies, stepper.v)}.",
         "A smaller step, or tol, may help.",
     ]

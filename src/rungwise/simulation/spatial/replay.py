@@ -19,16 +19,18 @@ from rungwise.scene.fields.laws.contact import titles
 from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.mujoco_model import library
-from rungwise.simulation.inputs import condition
-from rungwise.simulation.moving.held_since import Times
+from rungwise.simulation.core.state import CLOCK
+from rungwise.simulation.inputs import compile_segments
 from rungwise.simulation.moving.memory import memory_parts
-from rungwise.simulation.moving.schedule import Clock
-from rungwise.simulation.moving.values import Values
+from rungwise.simulation.moving.values import asked_of, blank_values, place_values, slots_of
 from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.memory import activations
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
+from rungwise.simulation.watched.inputs import begin_inputs, set_rest, set_speeds, show_inputs, switch_inputs
+from rungwise.simulation.watched.values import allocate_watched
+from rungwise.simulation.watched.verdicts import judge, next_end, note_all
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -190,11 +192,15 @@ class _Course:
             self.model.opt.timestep = self.step
         self.data = library().MjData(self.model)
         template = scene.template
-        columns = tuple(template.parameters.index(name) for name in template.inputs)
-        self.clock = Clock(run.inputs, run.frames[0].time, template.inputs, columns)
-        until = [condition(scene, segment.until, "until") for segment in run.inputs]
-        self.values = Values(scene, self.bound, until)
-        self.times = Times(self.values)
+        self.inputs, programs = compile_segments(scene, run.inputs), scene.programs
+        self.conditions = (programs.code, programs.constants, programs.table)
+        self.clock, levels = np.zeros(1, CLOCK), np.zeros(len(template.inputs))
+        self.clock["time"], self.asked = run.frames[0].time, asked_of(
+            template, (programs.code, self.inputs.code), self.bound.step
+        )  # fmt: skip
+        values, slots = blank_values(template, self.bound), slots_of(template)
+        self.watched = allocate_watched(self.clock, values, levels, slots)
+        begin_inputs(self.inputs, self.bound.numbers, self.watched)
         cone = "elliptic" if self.model.opt.cone else "pyramidal"
         self.settings = f"step {self.model.opt.timestep:g}, {cone} cones"
 
@@ -217,34 +223,29 @@ class _Course:
         while d.time < time - 1e-9 * own:
             self.deadline.look()
             h = min(own, time - d.time)
-            self.clock.tell(d.time + h, self.values.told)
-            self.bound.tell(self.values.told)
+            set_speeds(self.inputs, self.bound.numbers, d.time + h, self.watched)
+            set_rest(self.inputs, self.bound.numbers, d.time + h, self.watched)
             d.ctrl[:] = self.bound.control
             driven = ~np.isnan(self.bound.pace)
             d.qvel[driven] = self.bound.pace[driven]
             m.opt.timestep = h
             self.bound.step_in_mujoco(d)
             d.qvel[driven] = self.bound.pace[driven]
-            self._note()
-            self.clock.go_on(d.time, self.values.told, self._holds)
+            self._see()
+            note_all(self.conditions, self.inputs, 0.0, self.watched)
+            next_end(self.conditions, self.inputs, float(d.time), self.watched)
+            switch_inputs(self.inputs, self.bound.numbers, h, self.watched)
         m.opt.timestep = own
         return _Place(d.qpos.copy(), d.qvel.copy(), d.ctrl.copy())
 
-    def _note(self) -> None:
-        """Note since when parts of conditions hold, to a step of MuJoCo."""
+    def _see(self) -> None:
+        """Let conditions read MuJoCo's state; forces are not known there."""
         assert self.run.space is not None
-        segment = self.clock.segment
-        if self.times.parts(segment):
-            self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
-            self.times.note(segment)
-            self.times.end(segment, self.data.time)
-
-    def _holds(self, k: int) -> bool:
-        """Whether the condition of segment k holds at MuJoCo's state; forces are not known there."""
-        assert self.run.space is not None
-        self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
-        self.times.enter(k)
-        return self.values.is_over(k)
+        d, watched = self.data, self.watched
+        self.clock["time"] = d.time
+        inside, slots = self.run.space.mechanism, slots_of(self.run.scene.template)
+        place_values(inside, self.asked, slots, d.time, d.qpos.copy(), d.qvel.copy(), watched.values)
+        show_inputs(self.inputs, watched)
 
     def outcome(self) -> str:
         """What the scene's conditions say of MuJoCo's end; where the run came to the goal before its inputs
@@ -259,10 +260,8 @@ class _Course:
         return verdict.name.lower()
 
     def _verdict(self) -> Code:
-        assert self.run.space is not None
-        d = self.data
-        self.values.place(d.time, d.qpos.copy(), d.qvel.copy(), self.run.space)
-        return self.values.judge()[0]
+        self._see()
+        return Code(judge(self.conditions, self.watched))
 
 
 def _apart(course: _Course, frame: Frame, q: Reals, extent: float) -> Reals:

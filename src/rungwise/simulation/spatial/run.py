@@ -22,7 +22,7 @@ from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.reasons import crawled, fastest, snapped, stuck
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.system.spatial.space import Space
-from rungwise.system.spatial.turning import Turning
+from rungwise.system.spatial.turning import remarks
 
 
 class SpaceSimulation(MovingSimulation):
@@ -48,8 +48,6 @@ class SpaceSimulation(MovingSimulation):
             return Prepared.of(loaded, parameters) if prepared is None else prepared
 
         super().__init__(loaded, model, prepare, **options)
-        if self.stepper is not None:
-            self._turning = Turning(self.space, self.model.inertia)
 
     @property
     def space(self) -> Space:
@@ -62,28 +60,15 @@ class SpaceSimulation(MovingSimulation):
         run: SpaceRun = super().result()
         return run if self.stepper is None else replace(run, space=self.space)
 
-    def _stepped(self, stepper: Stepper, h: float) -> float:
-        begun = stepper.time
-        self._turning.begin(stepper.q, stepper.v)
-        wish = super()._stepped(stepper, h)
-        if stepper.time > begun:
-            self.space.took(stepper.time - begun)
-            self._turning.end(stepper.q, stepper.v, stepper.time - begun, stepper.terms)
-        return wish
+    @property
+    def buffer(self) -> Reals:
+        return self._bound.numbers
 
-    def _tell(self, time: float, h: float) -> None:
-        """Set speeds as of the middle of a step, so that ways are exact, and controls as of its end. Raises
-        InvalidScene."""
-        told = self._values.told
-        if self._bound.told.is_empty:
-            self._clock.tell(time + h, told)
-            self.space.expect(h)
-            return
-        self._clock.tell(time + 0.5 * h, told)
-        self._bound.tell_speeds(told)
-        self._clock.tell(time + h, told)
-        self._bound.tell_controls(told)
-        self.space.expect(h)
+    def undefined(self, place: int, time: float) -> str:
+        return self._bound.wrong(place, time)
+
+    def begins(self, stepper: Stepper) -> None:
+        self.space.begin(stepper.q, stepper.v)
 
     def remembered(self) -> Reals:
         assert self.stepper is not None
@@ -125,4 +110,4 @@ class SpaceSimulation(MovingSimulation):
         return snapped(stepper, self.space, self.scene.labels.bodies)
 
     def remarks(self) -> tuple[str, ...]:
-        return self.notes + self._turning.remarks()
+        return self.notes + (() if self.stepper is None else remarks(self.space.turning))

@@ -12,17 +12,16 @@ momentum (see `spins`), fall on parabolas, and are left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.block import Block
 from rungwise.contact.step import stretch
-from rungwise.kernel import Ints, Reals, kernel, steady
-from rungwise.system.terms import Terms
+from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
 
 if TYPE_CHECKING:
-    from rungwise.system.spatial.space import Space
+    import mujoco
 
 PART, NOTHING = 0.05, 1e-9
 """Energy gained, over the greatest kinetic energy and the greatest change of the potential, from which on a
@@ -34,78 +33,73 @@ LOST = 0.5
 first order lose more than `PART` of what little there is."""
 
 
-@dataclass
-class Turning:
-    """Of the joined bodies of a run in `space`, on a rung that keeps the part `eps` of inertia: the energy
-    gained in its steps, and the most that was gained or lost, the greatest kinetic energy, and the least and
-    the greatest potential."""
+NUMBERS = record_type("counts", "eps gained most greatest low high kinetic height")
+"""counts: whether any body is joined, and has momentum, of which the rung keeps the part `eps`; the energy
+gained in its steps, and the most that was gained or lost, the greatest kinetic energy, the least and the
+greatest potential; kinetic energy and potential where the last step ended."""
 
-    space: Space
-    eps: float
-    gained: float = 0.0
-    most: float = 0.0
-    energy: float = 0.0
-    low: float = math.inf
-    high: float = -math.inf
-    _place: Reals | None = field(init=False, default=None)
-    _kinetic: float = field(init=False, default=0.0)
-    _height: float = field(init=False, default=0.0)
 
-    def __post_init__(self) -> None:
-        space = self.space
-        self._counts = self.eps > 0.0 and bool(space.loads.joined.any())
-        self._old, self._new = np.zeros(space.model.nv), np.zeros(space.model.nv)
-        self._product = np.zeros(space.model.nv)
-        self._gravity, self._centres = space.model.opt.gravity.copy(), space.data.xipos
-        self._keep, self._potential, self._change = steady(keep), steady(potential), steady(change)
+class Turning(Block):
+    """Of the joined bodies of a run: numbers (1,), see `NUMBERS`; their velocities `old` and `new` (n,);
+    gravity (3,), centres of masses (b, 3) in MuJoCo's memory; momentum (n,) is scratch."""
 
-    def begin(self, q: Reals, v: Reals) -> None:
-        """A step begins at q and v, if not where the last one ended."""
-        if self._counts and q is not self._place:
-            self._look(q, v)
+    numbers: RecordArray
+    old: Reals
+    new: Reals
+    gravity: Reals
+    centre: Reals
+    momentum: Reals
 
-    def end(self, q: Reals, v: Reals, h: float, terms: Terms) -> None:
-        """It has led to q and v within h, with the terms of its last `fill`."""
-        if not self._counts:
-            return
-        before, (self._old, self._new) = self._kinetic + self._height, (self._new, self._old)
-        self._look(q, v)
-        work = self._change(
-            terms.inertia, terms.entries.matrices, self.space.loads.taken, self._old, self._new, self.eps, h
-        )
-        self.gained += self._kinetic + self._height - before - work
-        if abs(self.gained) > abs(self.most):
-            self.most = self.gained
-        if not math.isfinite(self.gained):
-            self.most = math.inf
 
-    def _look(self, q: Reals, v: Reals) -> None:
-        """Take over velocities of joined bodies, their kinetic energy, and the potential of their weight."""
-        space, loads = self.space, self.space.loads
-        self._place = q
-        self._keep(v, loads.joined, self._new)
-        space.put_momentum(q, self._new, self._product)
-        found = self._potential(self._new, self._product, loads.weighs, self._centres, self._gravity)
-        self._kinetic, self._height = self.eps * found[0], found[1]
-        self.energy = max(self.energy, self._kinetic)
-        self.low, self.high = min(self.low, self._height), max(self.high, self._height)
+def allocate_turning(model: mujoco.MjModel, data: mujoco.MjData) -> Turning:
+    n = model.nv
+    return Turning(
+        numbers=np.zeros(1, NUMBERS), old=np.zeros(n), new=np.zeros(n), gravity=model.opt.gravity.copy(),
+        centre=data.xipos, momentum=np.zeros(n),
+    )  # fmt: skip
 
-    def remarks(self) -> tuple[str, ...]:
-        """A line where the energy gained is much."""
-        size = self.energy + self.high - self.low
-        part, rounding = PART if self.most > 0.0 else LOST, NOTHING * max(abs(self.high), abs(self.low))
-        if math.isfinite(self.most) and not abs(self.most) > max(part * size, rounding):
-            return ()
-        what = "gained" if self.most > 0.0 else "lost"
-        return (
-            f"step: joined bodies turn so far in a step that they {what} up to {abs(self.most):.3g} of energy"
-            f" by it, beside {size:.3g} at most: weight is that where a step begins, and inertial forces"
-            " those of its middle; a shorter step, or tol, follows them",
-        )
+
+def remarks(turning: Turning) -> tuple[str, ...]:
+    """A line where the energy gained is much."""
+    own = turning.numbers[0]
+    size, most, low, high = (
+        float(x) for x in (own.greatest + own.high - own.low, own.most, own.low, own.high)
+    )
+    part, rounding = PART if most > 0.0 else LOST, NOTHING * max(abs(high), abs(low))
+    if not own.counts or (math.isfinite(most) and not abs(most) > max(part * size, rounding)):
+        return ()
+    what = "gained" if most > 0.0 else "lost"
+    return (
+        f"step: joined bodies turn so far in a step that they {what} up to {abs(most):.3g} of energy"
+        f" by it, beside {size:.3g} at most: weight is that where a step begins, and inertial forces"
+        " those of its middle; a shorter step, or tol, follows them",
+    )
 
 
 @kernel
-def keep(v: Reals, joined: Ints, own: Reals) -> None:
+def take_energy(turning: Turning, mass: Reals) -> None:
+    """Take over the kinetic energy of the velocities `new`, whose momentum is known, and the potential of
+    masses (b,)."""
+    own = turning.numbers[0]
+    kinetic, own.height = potential(turning.new, turning.momentum, mass, turning.centre, turning.gravity)
+    own.kinetic = own.eps * kinetic
+    own.greatest = max(own.greatest, own.kinetic)
+    own.low, own.high = min(own.low, own.height), max(own.high, own.height)
+
+
+@kernel
+def gain(turning: Turning, before: float, work: float) -> None:
+    """Add what a step gained that began with an energy of `before`."""
+    own = turning.numbers[0]
+    own.gained += own.kinetic + own.height - before - work
+    if abs(own.gained) > abs(own.most):
+        own.most = own.gained
+    if not math.isfinite(own.gained):
+        own.most = math.inf
+
+
+@kernel
+def keep_joined(v: Reals, joined: Ints, own: Reals) -> None:
     """Fill own (n,) with the velocities of joined bodies."""
     for i in range(len(v)):
         own[i] = v[i] if joined[i] else 0.0

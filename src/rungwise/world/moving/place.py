@@ -12,7 +12,7 @@ from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.fields.values import shown
-from rungwise.scene.language.expression import STACK, Programs
+from rungwise.scene.language.expression import SLOTS, STACK, Programs
 from rungwise.scene.language.terms import LENGTH, TIME, Dimension, Term
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
@@ -20,10 +20,17 @@ from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.kind import numbered
 from rungwise.simulation.moving.memory import memory_parts, recall
 from rungwise.simulation.moving.prepared import Numbers
-from rungwise.simulation.moving.values import Values
+from rungwise.simulation.moving.values import (
+    asked_of,
+    blank_values,
+    place_values,
+    push_values,
+    slots_of,
+)
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
+from rungwise.system.moving import Asked
 
 
 class Standing(NamedTuple):
@@ -70,27 +77,29 @@ class MovingPlace:
     def values(self, states: States, terms: list[Term], deadline: Deadline = NEVER) -> Reals:
         """Values of terms (m, k)."""
         programs, rows = Programs([term.code for term in terms]), self._rows(states)
-        values = Values(self.scene, self.bound, [term.code for term in terms])
-        blank = values.all.copy()
-        numbers = np.array([self._numbers(row, values, blank) for row in deadline.before(rows)])
+        asked = asked_of(self.scene.template, [programs.code], self.bound.step)
+        blank = blank_values(self.scene.template, self.bound)
+        numbers = np.array([self._numbers(row, asked, blank) for row in deadline.before(rows)])
         found = np.zeros((len(rows), len(terms)))
         code = (programs.code, programs.constants, programs.table)
-        read(code, numbers.reshape(len(rows), self.scene.template.value_count), np.zeros(STACK), found)
+        read(code, numbers.reshape(len(rows), len(blank)), np.zeros(STACK), found)
         return found
 
-    def _numbers(self, row: Standing, values: Values, blank: Reals) -> Reals:
-        """What conditions read (see `Values`, `blank` at first) at a state."""
-        values.all[:] = blank
-        values.place(row.time, row.q, row.v, self.system)
+    def _numbers(self, row: Standing, asked: Asked, blank: Reals) -> Reals:
+        """What conditions read (w,) at a state, `blank` before it is seen."""
+        stepper, slots, template = self._stepper, slots_of(self.scene.template), self.scene.template
+        values = blank.copy()
+        place_values(stepper.inside, asked, slots, row.time, row.q, row.v, values)
         if row.memory is not None:
             before = row.memory.values[memory_parts(self.scene).values]
-            values.hand_on(before)
+            held = slice(slots.forces + len(template.contacts), slots.dates + SLOTS)
+            values[held] = before[held]
             if row.memory.inputs:
-                columns = [self.scene.template.parameters.index(name) for name in self.scene.template.inputs]
-                values.told[columns] = before[columns]
+                columns = [template.parameters.index(name) for name in template.inputs]
+                values[columns] = before[columns]
             self._recalled(row.memory)
-            values.push(self._stepper, self.system, 0.0)
-        return values.all.copy()
+            push_values(stepper.inside, asked, stepper.state.force, values)
+        return values
 
     def _recalled(self, memory: Memory) -> float:
         """Recall a run's last step; how far bodies sank into each other in it."""

@@ -19,9 +19,10 @@ from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
 from rungwise.simulation.planar.state.allocation import allocate
-from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, in_memory
+from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
+from rungwise.simulation.watched.values import CONTROL
 from rungwise.system.planar.closing import close_joints
 from rungwise.system.planar.place import start, turns
 

@@ -13,7 +13,7 @@ from rungwise.contact.step import STICK, Widths, allocate_problem
 from rungwise.kernel import Reals
 from rungwise.mould import Mould
 from rungwise.scene.fields.laws.contact import POISSON, STICKS
-from rungwise.scene.language.expression import SLOTS, STACK
+from rungwise.scene.language.expression import SLOTS
 from rungwise.scene.template.records import Records, views
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
@@ -28,6 +28,7 @@ from rungwise.simulation.planar.state.workspace import (
     State,
     Workspace,
 )  # fmt: skip
+from rungwise.simulation.watched.values import Slots, allocate_watched
 from rungwise.system.entries import CROWDED
 from rungwise.system.planar.contact_manifold import ABSENT, allocate_manifolds
 from rungwise.system.planar.corners import allocate_course
@@ -189,10 +190,6 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
         probe=np.zeros((2, 5)),
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
-        stack=np.zeros(STACK),
-        begun=np.zeros(len(values)),
-        ended=np.zeros(len(values)),
-        undefined=np.full(1, -1, np.int64),
     )
     if crowded:
         frames = min(frames, max(3, RECORDED // (len(memory) + 2 * slots)))
@@ -221,8 +218,11 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
         joint_force=np.zeros((frames, len(records.measures))),
         scalars=np.zeros((frames, len(SCALARS))),
     )
+    first_gap = at + 2 * n
+    slots_of = Slots(at - 1, at + n, first_gap, first_gap + contacts, first_gap + 3 * contacts)
     return Workspace(
         state=state,
+        watched=allocate_watched(state.clock, values, state.levels, slots_of),
         terms=terms,
         seams=allocate_seams(records),
         course=allocate_course(records),

@@ -7,7 +7,7 @@ import math
 from rungwise.contact.step import stretch
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import Records
-from rungwise.simulation.planar.state.held_since import set_ways
+from rungwise.simulation.planar.state.ways import set_ways
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar.near import near_pairs, pair_at

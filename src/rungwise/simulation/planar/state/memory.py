@@ -6,8 +6,8 @@ from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
-from rungwise.simulation.planar.state.verdicts import RUNNING
 from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
+from rungwise.simulation.watched.verdicts import RUNNING
 from rungwise.system.planar.contact_manifold import ABSENT, UNKNOWN
 from rungwise.system.planar.near import is_listed
 from rungwise.system.planar.place import place
@@ -145,7 +145,7 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state.force[:, :] = 0.0
     state.impulse[:, :] = 0.0
     workspace.scratch.limited_mode[:] = 1
-    workspace.scratch.undefined[0] = -1
+    workspace.watched.undefined[0] = -1
     terms.inertia[:, :] = 0.0
     terms.metric[:, :] = 0.0
     terms.stiffness[:, :] = 0.0

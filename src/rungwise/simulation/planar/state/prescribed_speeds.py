@@ -6,9 +6,9 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.template.records import SERVO, Records
-from rungwise.simulation.planar.state.inputs import Inputs, set_numbers
 from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.watched.inputs import Inputs, set_numbers
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 
@@ -21,14 +21,14 @@ def set_speeds(
     the step that ends at the first travel limit, and the greatest prescribed speed of anything, joints
     included.
 
-    Where one of the numbers is not finite, its place in `buffer` goes to `scratch.undefined`, and nothing
+    Where one of the numbers is not finite, its place in `buffer` goes to `watched.undefined`, and nothing
     else is done.
     """
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
-    set_numbers(inputs, buffer, h, rung[0].theta, workspace)
-    if workspace.scratch.undefined[0] >= 0:
+    set_numbers(inputs, buffer, h, rung[0].theta, workspace.watched)
+    if workspace.watched.undefined[0] >= 0:
         return h, 0.0
     moving = joints.fastest(records)
     shortest = h

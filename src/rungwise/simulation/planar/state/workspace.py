@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,33 +11,29 @@ from rungwise.block import Block
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.simulation.core import state as core
+from rungwise.simulation.watched.values import Watched
 from rungwise.system.planar.contact_manifold import Manifolds
 from rungwise.system.planar.corners import Course
 from rungwise.system.planar.place import Placement
 from rungwise.system.planar.seams import Seams
 from rungwise.system.terms import Terms
 
-Conditions: TypeAlias = tuple[Ints, Reals, Ints]
-"""Programs of the scene's conditions: code, constants and table."""
-
 CLOCK = record_type(
     core.COUNTS
-    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " lifts laws landed centred lost stalled snapped crowd blamed votes refusal meets",
+    + " outcome contacts frames since stride bounces drives chooses leaper jumps lifts laws landed centred"
+    " lost stalled snapped refusal meets",
     core.TIMES
-    + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
-    " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
-    " leapt leaping mark",
+    + " taken margin extent near least_gap reach smallest thin leap leap_time leap_step jump_time shake"
+    " stray stray_time stray_step bend leaping",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
-contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
+contact may bounce. `taken` is the last step's length; `reach` is the longest
 lever arm, `extent` the farthest distance at the start, `smallest` the least reach of a shape, `thin` the
-thickness of the thinnest pair. `gained` is energy that bounces added. In the step of `leap_step` up to
+thickness of the thinnest pair. In the step of `leap_step` up to
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
 `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
-to its end (see `opened_contacts`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
-`segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
+to its end (see `opened_contacts`), of `stray_step` from `stray_time`.
 `lifts`: whether some body may be raised off the plane; `laws`: the sum of those of contact beside the common
 ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
@@ -45,16 +41,9 @@ another.
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
 that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
 the last steps that went nearly nowhere: up for each that stands in place of a longer one without solution,
-down for each other. `leapt` is how far
-the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `step.snaps`). At `mark`
-the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
-the last one, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
-
-CONTROL = record_type("ends", "step longest duration tolerance error jam")
-"""ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
-steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed length; jam: greatest motion in a
-step without solution that counts as a jam."""
+down for each other. `leaping` is how far the step that is tried moves bodies by what does not vanish with
+its length, and `snapped` says that such a motion ended the run (see `step.snaps`). `refusal` is what the last
+step was short for, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
 
 
 class State(core.State):
@@ -87,18 +76,13 @@ class State(core.State):
 
 
 class Scratch(core.Scratch):
-    """The slowest solution, the coordinates held in another solution, the values that conditions read at the
-    start and the end of a step, in `undefined` (1,) the place of a number that is not finite now, or -1."""
+    """The slowest solution, and the coordinates held in another solution."""
 
     slowest: Reals
     held: Ints
     probe: Reals
     row: Reals
     measures: Reals
-    stack: Reals
-    begun: Reals
-    ended: Reals
-    undefined: Ints
 
 
 class Early(Block):
@@ -165,6 +149,7 @@ class Workspace(Block):
     step, `whole` the state after it in one piece, for comparison with two halves."""
 
     state: State
+    watched: Watched
     terms: Terms
     seams: Seams
     course: Course
@@ -181,13 +166,6 @@ class Workspace(Block):
 def trial_in(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> core.Trial:
     w = workspace
     return core.Trial(rung, h, w.terms, contacts, w.state, w.scratch, w.problem)
-
-
-@inner_kernel
-def time_slot(state: State) -> int:
-    """Where expressions read t (see `Template` for the order of values)."""
-    after = state.dates.shape[0] + state.ways.shape[0]
-    return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0] - after)
 
 
 def recorded(workspace: Workspace, name: str) -> NDArray[Any]:

@@ -13,7 +13,6 @@ from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kerne
 from rungwise.scene.fields.laws.contact import PULLS
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.crawl import MEETING
-from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.laws import until_edges
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, gather, swing, widen
@@ -26,6 +25,7 @@ from rungwise.simulation.planar.step.leaps import is_tiny
 from rungwise.simulation.planar.step.midpoint_rows import meets
 from rungwise.simulation.planar.step.snaps import snaps
 from rungwise.simulation.planar.step.step_error import AHEAD, closes, disagreement, mode_at_start
+from rungwise.simulation.watched.inputs import Inputs
 from rungwise.system.planar.contact_manifold import VERTICES
 from rungwise.system.planar.place import turns
 
@@ -91,7 +91,7 @@ def controlled_step(
         if part > 0 or probed or allowed > 0.0 or clock.bounces:
             length, _ = set_speeds(records, inputs, buffer, rung, workspace, length)
         status = UNDEFINED
-        if workspace.scratch.undefined[0] < 0:
+        if workspace.watched.undefined[0] < 0:
             status = attempt(records, rung, workspace, length, shortest)
             clock.attempts += 1
             clock.crowd += 1

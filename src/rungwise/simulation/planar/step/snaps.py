@@ -14,7 +14,6 @@ from rungwise.models.assemble import carried
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.core.tolerances import DRIVEN, SHORTER
-from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.simulation.planar.state.nearby import begin_step, gather
 from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.workspace import Workspace
@@ -29,6 +28,7 @@ from rungwise.simulation.planar.step.leaps import (
     noticed,
     solve_again,
 )
+from rungwise.simulation.watched.inputs import Inputs
 
 
 @rare_kernel
@@ -69,7 +69,7 @@ def _moves_on(
     time = clock.time
     clock.time = time - earlier
     part, _ = set_speeds(records, inputs, buffer, rung, workspace, part)
-    defined = workspace.scratch.undefined[0] < 0
+    defined = workspace.watched.undefined[0] < 0
     if defined:
         begin_step(records, rung, workspace, part)
     clock.time = time

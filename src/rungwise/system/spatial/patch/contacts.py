@@ -115,7 +115,8 @@ def tree(model: mujoco.MjModel) -> Tree:
 
 class Finder(Block):
     """What finds contacts: the pairs and their geoms, which MuJoCo places at geom_place (g, 3) and geom_axes
-    (g, 9); the pair (c,) of each contact that was found; and all that is said of these."""
+    (g, 9); the pair (c,) of each contact that was found, and all that is said of these; `near` is scratch for
+    distances."""
 
     pairs: Pairs
     shapes: Shapes
@@ -127,6 +128,7 @@ class Finder(Block):
     geom_axes: Reals
     frames: Frames
     scratch: Scratch
+    near: Found
     found: Found
     of: Ints
     contacts: ContactSet
@@ -153,7 +155,7 @@ class Contacts(Geoms):
         return Finder(
             pairs=self.pairs, shapes=self.shapes, fields=self.fields, seams=self._seams, tree=self._tree,
             motions=Motions(each=data.cdof, centre=data.subtree_com), geom_place=data.geom_xpos,
-            geom_axes=data.geom_xmat, frames=self.frames, scratch=self._scratch, found=found,
+            geom_axes=data.geom_xmat, frames=self.frames, scratch=self._scratch, near=self._near, found=found,
             of=np.zeros(most, np.int64), contacts=contacts,
         )  # fmt: skip
 
