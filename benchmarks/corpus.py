@@ -51,8 +51,8 @@ from rungwise.contact.step import (
 )
 from rungwise.kernel import Reals
 from rungwise.simulation import run
-from rungwise.simulation.core import stepper
 from rungwise.simulation.core.notes import Note, kept, note_all, room_for_notes, taken
+from rungwise.simulation.stepping import stepper
 from rungwise.system.entries import CROWDED
 from rungwise.system.terms import APART
 from rungwise.world.run import simulation_of

@@ -125,7 +125,7 @@ FAULTS = (
         "contacts yield ten times as far before the compliant model fails", True,
     ),
     Fault(
-        "jam-without-proof", "src/rungwise/simulation/core/stepper.py",
+        "jam-without-proof", "src/rungwise/simulation/stepping/stepper.py",
         "self.outcome = Code.NOT_CONVERGED if self.certificate is None else outcome",
         "self.outcome = outcome", _CORE,
         "a step that is not solved is a jam without a proof", True,
@@ -179,12 +179,12 @@ FAULTS = (
         "a deformation without force relaxes by theta", True,
     ),
     Fault(
-        "step-gap-sign", "src/rungwise/simulation/core/attempt.py",
+        "step-gap-sign", "src/rungwise/simulation/stepping/attempt.py",
         "terms.gap[k] -= h * rate(", "terms.gap[k] += h * rate(", _CORE,
         "the gap's advance with the wrong sign in the attempt", True,
     ),
     Fault(
-        "step-half-error", "src/rungwise/simulation/core/stepper.py",
+        "step-half-error", "src/rungwise/simulation/stepping/advance.py",
         "return 0.5 * change, 0.5 * h", "return 0.25 * change, 0.5 * h", _CORE,
         "half of a controlled step's error", True,
     ),

@@ -24,7 +24,7 @@ from rungwise.planning.search import search
 from rungwise.planning.search.problem import Work
 from rungwise.planning.search.search import Begun
 from rungwise.planning.search.shooting import run_moves
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.moving import Moment
 from rungwise.system.terms import Terms
 from tests.simulation.core.test_particle import Particle

@@ -13,7 +13,6 @@ import rungwise as rw
 from rungwise.contact.step import NO_SPANS
 from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import lead_nowhere
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.update_state import take_slots
 from rungwise.simulation.planar.step import error_control
 from rungwise.simulation.reasons.reasons import Reasons
@@ -21,6 +20,7 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial import begin, replay
 from rungwise.simulation.spatial.replay import _between
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.threads import Workers
 from rungwise.system.planar.contact_manifold import are_parallel
 from tests.simulation.core.test_particle import Particle

@@ -95,10 +95,12 @@ class Scene(AnyScene):
 
     @property
     def programs(self) -> Programs:
+        """Programs of the scene's conditions (see `AnyScene`)."""
         return self.template.conditions
 
     @property
     def followed(self) -> Followed:
+        """Programs of numbers that follow time and inputs (see `AnyScene`)."""
         template = self.template
         return Followed(
             template.timed_speeds(), template.timed_numbers(), template.reads_time, template.awaits_time

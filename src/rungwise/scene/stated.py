@@ -155,6 +155,7 @@ class StatedScene(AnyScene):
 
     @cached_property
     def programs(self) -> Programs:
+        """Programs of the scene's conditions (see `AnyScene`)."""
         stated = [self.conditions.get(name, Code()) for name in CONDITIONS[:-1]]
         return Programs([*stated, *with_times(stated)])
 

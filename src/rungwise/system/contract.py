@@ -104,3 +104,16 @@ def hear(system: Any, asked: Any, force: Reals, h: float, values: Reals) -> None
     """Fill in the normal forces that conditions ask for, from forces by slot (s, d), normal first, and add
     their impulses in a step of length h."""
     raise NotImplementedError
+
+
+@Contract
+def remember(system: Any, setting: Any, out: Reals, bits: Ints, at: int) -> int:
+    """Write what a run hands on of the core and of the system into `out` from `at` on, of which `bits` are
+    the same numbers as integers; returns where it ends, -1 where there is no room."""
+    raise NotImplementedError
+
+
+@Contract
+def tell_frame(system: Any, setting: Any, out: Reals, at: int) -> int:
+    """Write what else is to be known of the state of a run, its energy first; returns as `remember`."""
+    raise NotImplementedError

@@ -22,9 +22,9 @@ from rungwise.plain import run_of
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.any_run import AnyRun
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
+from rungwise.simulation.stepping.record import WORK
 
 OVER = "limit: the time was over before the run came to its end"
 """Why a run of a rollout ended as `running`."""

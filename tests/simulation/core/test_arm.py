@@ -8,7 +8,7 @@ import pytest
 import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping.stepper import Stepper
 
 from .two_link_arm import TwoLinkArm
 

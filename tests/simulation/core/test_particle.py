@@ -16,8 +16,8 @@ from rungwise.contact.step import allocate_problem
 from rungwise.models.assemble import approach, deform
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core import stepper
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping import stepper
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.terms import DRIVE, JOINT, Terms, allocate_terms
 

@@ -10,7 +10,7 @@ import pytest
 import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping.stepper import Stepper
 
 from .bodies_in_space import Array, BodiesInSpace, Body, rotation, turn_by
 

@@ -6,12 +6,12 @@ import pytest
 
 import rungwise as rw
 from rungwise.models.ladder import Rung
-from rungwise.simulation.core import advance
-from rungwise.simulation.core.attempt import Setting, attempt
 from rungwise.simulation.core.crawl import OVERLAPPING
 from rungwise.simulation.core.step import UNSOLVED
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.stepping import advance
+from rungwise.simulation.stepping.attempt import Setting, attempt
+from rungwise.simulation.stepping.stepper import Stepper
 
 from .conftest import Make
 from .measure import FLOOR, NO_GRAVITY, free, world

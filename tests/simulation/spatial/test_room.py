@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.core import stepper
 from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.stepping import stepper
 
 from .conftest import Make
 from .measure import FLOOR, free, world

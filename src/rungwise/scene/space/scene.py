@@ -89,6 +89,7 @@ class SpaceScene(StatedScene):
 
     @cached_property
     def followed(self) -> Followed:
+        """Programs of controls and speeds (see `AnyScene`)."""
         controls, speeds = self.told
         first, time = len(self.labels.actuators), len(self.template.parameters)
         reads_time = any(each.programs.reads(range(time, time + 1)) for each in self.told)

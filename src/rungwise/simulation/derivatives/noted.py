@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from rungwise.contact.step import ContactProblem, Unknowns
 from rungwise.simulation.core.step import SUPPORTED
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.derivatives.steps import Array, Held, found_in, terms_of
 from rungwise.simulation.options import ModelError
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.features import Features
 from rungwise.system.spatial.space import Space
 

@@ -20,7 +20,6 @@ from rungwise.scene import InvalidScene
 from rungwise.scene.fields.laws.contact import LAWS, titles
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.step import SUPPORTED
-from rungwise.simulation.core.stepper import UndefinedNumber
 from rungwise.simulation.derivatives.noted import OF_FEATURES, Noting, Solved, SpaceHeld, restore
 from rungwise.simulation.derivatives.steps import (
     CHANGING,
@@ -40,6 +39,7 @@ from rungwise.simulation.moving.values import blank_values, slots_of
 from rungwise.simulation.options import ModelError, moving_rung, positive
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
+from rungwise.simulation.stepping.stepper import UndefinedNumber
 from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.loads import let_act
 from rungwise.system.terms import normals_of

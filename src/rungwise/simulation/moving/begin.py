@@ -9,9 +9,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.contract import AnyScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.state import State, StateError, check_state, digest
+from rungwise.simulation.stepping.stepper import Stepper
 
 
 class Fault(NamedTuple):

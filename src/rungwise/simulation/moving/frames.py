@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
 from rungwise.kernel import Reals
-
-WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
+from rungwise.simulation.stepping.record import HEAD, WORK, allocate_recorded
 
 
 class Frame(NamedTuple):
@@ -28,44 +26,85 @@ class Frame(NamedTuple):
     force: Reals
 
 
+class Row(NamedTuple):
+    """A frame as it was recorded: its memory, residual, work of all steps (see `WORK`), and what the world
+    adds."""
+
+    memory: Reals
+    residual: float
+    work: Reals
+    rest: Reals
+
+    @classmethod
+    def of(cls, numbers: Reals) -> Row:
+        end = int(numbers[0])
+        return cls(numbers[HEAD:end], float(numbers[1]), numbers[2:HEAD], numbers[end:])
+
+
 def worked(clock: np.void) -> Reals:
     """The work (5,) of all steps, as of `WORK`."""
     return np.array([float(clock[name]) for name in WORK])
 
 
-FAR = 1 << 30
-"""More steps than a turn takes."""
+class Frames(Sequence[Any]):
+    """Frames, each made of its row when it is first asked for."""
+
+    def __init__(self, rows: Sequence[Reals], made: Callable[[Row], Any]) -> None:
+        self._rows, self._made = tuple(rows), made
+        self._known: dict[int, Any] = {}
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, at: int) -> Any: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Any, ...]: ...
+    def __getitem__(self, at: int | slice) -> Any:
+        if isinstance(at, slice):
+            return tuple(self[k] for k in range(*at.indices(len(self))))
+        k = range(len(self))[at]
+        if k not in self._known:
+            self._known[k] = self._made(Row.of(self._rows[k]))
+        return self._known[k]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Frames that are made, for another process or a file."""
+        return tuple, (list(self),)
 
 
-@dataclass
+ROOM, AT_ONCE = 1 << 20, 1 << 10
+"""Numbers of frames, and frames, that there is room for before they are taken out."""
+
+
 class Recorder:
-    """Keeps at most `most` frames, none if that is 0, every `stride` steps; the stride doubles when they are
-    full."""
+    """Keeps at most `most` frames, none if that is 0, of every `stride` steps; when they are full every other
+    one is dropped, and they are twice as many steps apart. `time` is where in a row its time is; `recorded`
+    are those that were not taken out yet."""
 
-    most: int
-    stride: int
-    frames: list[Any] = field(default_factory=list)
-    _since: int = 0
+    def __init__(self, most: int, stride: int, time: int) -> None:
+        self._most, self._time, self._rows, self._taken = most, time, list[Reals](), 0
+        self.recorded = allocate_recorded(most, stride, ROOM if most else 0, AT_ONCE if most else 0)
 
-    @property
-    def due(self) -> int:
-        """Steps until the next frame."""
-        return max(1, self.stride - self._since) if self.most else FAR
+    def rows(self) -> list[Reals]:
+        """The frames as they were recorded (see `Row`)."""
+        note, ends = self.recorded.note[0], self.recorded.ends.tolist()
+        for k in range(int(self._taken), int(note.frames)):
+            row = self.recorded.rows[ends[k] : ends[k + 1]]
+            if self._rows and self._rows[-1][self._time] == row[self._time]:
+                self._rows.pop()
+            self._rows.append(row)
+        self._taken = int(note.frames)
+        return self._rows
 
-    def since(self, steps: int) -> None:
-        """So many steps were taken since this was told last."""
-        self._since += steps
-
-    def take(self, time: float, frame: Callable[[], Any], last: bool = False) -> None:
-        """Keep the state of this time, if it is its turn or the last."""
-        if self.most == 0:
-            return
-        if not last and self.frames and self._since < self.stride:
-            return
-        if self.frames and self.frames[-1].time == time:
-            self.frames.pop()
-        if len(self.frames) >= self.most:
-            del self.frames[1::2]
-            self.stride *= 2
-        self._since = 0
-        self.frames.append(frame())
+    def make_room(self) -> None:
+        """Make room for a frame: drop every other frame, or go on in other memory, in more where one frame
+        does not fit."""
+        note, rows = self.recorded.note[0], self.rows()
+        if len(rows) >= self._most:
+            self._rows = [row.copy() for row in rows[::2]]
+            note.stride *= 2
+        size = len(self.recorded.rows) * (1 if note.frames else 2)
+        other = allocate_recorded(self._most, int(note.stride), size, AT_ONCE)
+        other.note[0].since, other.note[0].room = note.since, self._most - len(self._rows)
+        self.recorded, self._taken = other, 0

@@ -11,15 +11,16 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.crawl import why_nowhere
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.live.observation import Contacts, without_places
 from rungwise.simulation.moving.begin import Fault, worst
-from rungwise.simulation.moving.frames import Frame, worked
-from rungwise.simulation.moving.memory import begin_anew, recall, remembered
-from rungwise.simulation.moving.prepared import Bodies
+from rungwise.simulation.moving.frames import Frame, Row
+from rungwise.simulation.moving.memory import begin_anew, memory_parts, recall
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.snaps import led_on, snaps
+from rungwise.simulation.moving.values import slots_of
+from rungwise.simulation.stepping.plain import pushed
+from rungwise.simulation.stepping.stepper import Stepper
 
 
 class Kind:
@@ -48,11 +49,8 @@ class Kind:
 
     def begins(self, stepper: Stepper) -> None:
         """The run begins where the stepper is."""
-
-    def remembered(self) -> Reals:
-        """What the core and the system hand on from step to step."""
-        assert self.stepper is not None
-        return remembered(self.stepper)
+        told: Any = stepper.inside
+        told.pairs = self._pairs
 
     def recall(self, core: Reals) -> None:
         """Go on as the run that handed this on. Raises ValueError where it is of another system."""
@@ -69,15 +67,17 @@ class Kind:
         stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
         begin_anew(stepper)
 
-    def frame(self) -> Any:
-        """The state of the run now, to be kept."""
-        stepper = self.stepper
-        assert stepper is not None
-        clock = stepper.state.clock[0]
+    def frame(self, row: Row) -> Any:
+        """A frame of how it was recorded."""
+        template, slots = self.scene.template, slots_of(self.scene.template)
+        values, count = row.memory[memory_parts(self.scene).values], len(self._pairs)
+        places, speeds = (
+            values[slots.time + 1 : slots.speeds],
+            values[slots.speeds :][: len(template.velocities)],
+        )
         return Frame(
-            stepper.time, stepper.q.copy(), stepper.v.copy(), self.memory(), float(clock["residual"]),
-            self.system.energy(stepper.q, stepper.v), worked(clock),
-            np.array([self.system.gap(stepper.q, a, b) for a, b in self._pairs]), self.forces,
+            float(values[slots.time]), places, speeds, row.memory, row.residual, float(row.rest[0]), row.work,
+            row.rest[1 : 1 + count], row.rest[1 + count :],
         )  # fmt: skip
 
     @property
@@ -143,12 +143,3 @@ def numbered(scene: StatedScene) -> list[tuple[int, int]]:
     """Numbers of bodies of a scene's pairs (c,), the lower first."""
     index = scene.template.bodies.index
     return [(min(index(a), index(b)), max(index(a), index(b))) for a, b in scene.template.contacts]
-
-
-def pushed(system: Bodies, pairs: list[tuple[int, int]], force: Reals) -> Reals:
-    """Normal forces (c,) of pairs of bodies, from forces by slot (s, d)."""
-    found = dict.fromkeys(pairs, 0.0)
-    for a, b, push in system.pushes(force):
-        pair = (min(a, b), max(a, b))
-        found[pair] = found.get(pair, 0.0) + push
-    return np.array([found[pair] for pair in pairs])

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.scene.contract import AnyScene
-from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.stepping.plain import kept_arrays
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.watched.values import PLACE
 
 
@@ -35,34 +36,29 @@ def memory_parts(scene: AnyScene) -> Parts:
     return Parts(*map(slice, ends, [*ends[1:], None]))
 
 
-def _arrays(stepper: Stepper) -> list[NDArray[Any]]:
-    """All that the core keeps of a run, and what its system keeps."""
-    state, scratch, system = stepper.state, stepper.scratch, stepper.system
-    return [
-        state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, stepper.terms.fall,
-        state.modes, state.deformation, state.force, state.impulse,
-        *getattr(system, "kept", ()),
-    ]  # fmt: skip
-
-
-def flattened(parts: Iterable[NDArray[Any]]) -> list[Reals]:
-    """Arrays of eight bytes per entry as rows of numbers."""
-    return [np.ascontiguousarray(part).view(np.float64).ravel() for part in parts]
-
-
 def restored(values: Reals, part: NDArray[Any]) -> NDArray[Any]:
     """A row of numbers as an array like this one."""
     return values.view(part.dtype).reshape(part.shape)
 
 
-def remembered(stepper: Stepper) -> Reals:
-    """The memory (w,) of a run of a system that keeps features in fixed slots."""
-    return np.concatenate(flattened(_arrays(stepper)))
+ROOM = 1 << 12
+"""Numbers that a memory has room for at first."""
+
+
+def written(put: Callable[[Reals, Ints], int]) -> Reals:
+    """What a kernel writes into as much room as it needs; it returns how much, -1 where it is short."""
+    room = ROOM
+    while True:
+        out = np.empty(room)
+        end = put(out, out.view(np.int64))
+        if end >= 0:
+            return out[:end].copy()
+        room *= 2
 
 
 def recall(stepper: Stepper, values: Reals) -> None:
     """Go on as the run with this memory would. Raises ValueError where it is of another system."""
-    arrays = _arrays(stepper)
+    arrays = kept_arrays(stepper.setting, stepper.system)
     if len(values) != sum(part.size for part in arrays):
         raise ValueError("the memory is of another system")
     at = 0

@@ -16,11 +16,11 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import worked
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.state import State
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.turns import TURN_S
 
 FEW = 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,8 +11,8 @@ import numpy as np
 
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.any_run import AnyRun, by_body
-from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.state import Memory, State, digest
+from rungwise.simulation.stepping.record import WORK
 
 if TYPE_CHECKING:
     import xarray
@@ -27,7 +28,7 @@ class MovingRun(AnyRun):
     something bounced."""
 
     scene: StatedScene
-    frames: tuple[Any, ...]
+    frames: Sequence[Any]
     energy_gained: float = 0.0
 
     @property

@@ -22,27 +22,45 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
 from rungwise.scene.language.expression import SLOTS
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.advance import NO_ROOM
-from rungwise.simulation.core.loop import Loop, allocate_margins, allocate_snapshot, begin_run, take_steps
-from rungwise.simulation.core.stepper import Stepper, UndefinedNumber
+from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.live.growing import Growing
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
-from rungwise.simulation.moving.frames import Recorder
+from rungwise.simulation.moving.frames import Frames, Recorder
 from rungwise.simulation.moving.kind import Kind
-from rungwise.simulation.moving.memory import PLACES, memory_parts
+from rungwise.simulation.moving.memory import PLACES, memory_parts, written
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.values import asked_of, blank_values, slots_of
 from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.reasons.remarks import advice, stillness
 from rungwise.simulation.state import Memory, State, StateError
+from rungwise.simulation.stepping.advance import NO_ROOM
+from rungwise.simulation.stepping.loop import (
+    FULL,
+    Loop,
+    allocate_margins,
+    allocate_snapshot,
+    begin_run,
+    take_steps,
+)
+from rungwise.simulation.stepping.record import HEAD, allocate_recorded, put_memory, record
+from rungwise.simulation.stepping.stepper import Stepper, UndefinedNumber
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 from rungwise.simulation.watched.inputs import begin_inputs, set_all
 from rungwise.simulation.watched.values import CONTROL
 
+MANY_STEPS = 1 << 30
+"""More steps than a turn takes."""
+
+
 Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
+
+
+def _as_it_is(kernel: Any) -> Any:
+    """Kernels of systems in Python are Python."""
+    return kernel
 
 
 def _until(seconds: float | None, signals: Ints) -> AbstractContextManager[None]:
@@ -83,9 +101,12 @@ class MovingSimulation(Turns, Kind):
             stepper.setting, (conditions.code, conditions.constants, conditions.table), np.zeros(1, CONTROL),
             asked_of(template, (conditions.code, inputs.code), bound.step),
             allocate_snapshot(stepper.setting), allocate_margins(), np.array([int(Code.RUNNING), 0]),
+            allocate_recorded(0, 1, 0, 0),
         )  # fmt: skip
-        self._steps_in = steady(take_steps) if stepper.is_compiled else take_steps
-        self._turn, self._asked = 1, False
+        compiled = steady if stepper.is_compiled else _as_it_is
+        self._steps_in, self._begin_in = compiled(take_steps), compiled(begin_run)
+        self._record_in, self._memory_in = compiled(record), compiled(put_memory)
+        self._asked = False
         before: list[Fault] | None = []
         goes_on = False
         if state is not None:
@@ -104,7 +125,9 @@ class MovingSimulation(Turns, Kind):
         most, stride = given.frames or 0, given.stride
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
-        self._recorder = Recorder(most, stride)
+        time = memory_parts(scene).values.start + stepper.slots.time
+        self._recorder = Recorder(most, stride, HEAD + time)
+        self._loop = self._loop._replace(recorded=self._recorder.recorded)
         if before is not None:
             field = "start" if state is None else "state"
             self.reason = self.misplaced(stepper.q, before, field)
@@ -114,9 +137,9 @@ class MovingSimulation(Turns, Kind):
             self.outcome = Code.INVALID
             return
         self.begins(stepper)
-        begin_run(stepper.inside, self._loop)
+        self._begin_in(stepper.inside, self._loop)
         self.outcome = Code(int(self._loop.verdict[0]))
-        self._recorder.take(stepper.time, self.frame)
+        self._keep_frame(stepper)
         if self.outcome != Code.RUNNING:
             self._explain(stepper)
 
@@ -177,28 +200,33 @@ class MovingSimulation(Turns, Kind):
     def _stretch(self, stepper: Stepper, signals: Any, count: int | None) -> int:
         """Take steps until a frame is due, a segment ends, something is to be asked, or `count` are taken;
         returns how many. Raises TimeOver."""
-        before, due = int(stepper.clock["steps"]), self._recorder.due
+        before = int(stepper.clock["steps"])
         try:
             status = int(
-                self._steps_in(stepper.inside, self._loop, due if count is None else min(due, count), signals)
+                self._steps_in(stepper.inside, self._loop, MANY_STEPS if count is None else count, signals)
             )
-            settled = stepper.settles(status, self._asked)
+            if status == FULL:
+                self._keep_frame(stepper)
+            settled = stepper.settles(SUPPORTED if status == FULL else status, self._asked)
         except UndefinedNumber as error:
-            self.outcome, self.reason = Code.INVALID, self.undefined(error.args[0], stepper.time)
+            self.outcome, self.reason = (
+                Code.INVALID,
+                self.undefined(error.args[0], float(stepper.watched.values[stepper.slots.time])),
+            )
             return 0
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)
             return 0
         taken = int(stepper.clock["steps"]) - before
         self._asked = not settled and (self._asked or status != NO_ROOM)
-        self._recorder.since(taken)
         if not settled:
             return taken
         if stepper.outcome != Code.RUNNING:
             self.outcome, self.certificate = stepper.outcome, stepper.certificate
         else:
             self.outcome = Code(int(self._loop.verdict[0]))
-        self._recorder.take(stepper.time, self.frame, last=self.outcome != Code.RUNNING)
+        if stepper.outcome != Code.RUNNING:
+            self._keep_frame(stepper)
         if self.outcome != Code.RUNNING:
             self._explain(stepper)
         return taken
@@ -221,13 +249,19 @@ class MovingSimulation(Turns, Kind):
         self._in_time(limit, turn)
         return self.steps - before
 
+    def _keep_frame(self, stepper: Stepper) -> None:
+        """Record the state of the run now."""
+        run = self._loop
+        while not self._record_in(stepper.inside, run.setting, run.margins, self._recorder.recorded, True):
+            self._recorder.make_room()
+            self._loop = run = run._replace(recorded=self._recorder.recorded)
+
     def memory(self) -> Reals:
         """What the run hands on (w,): see `memory.Parts`."""
         stepper = self.stepper
         assert stepper is not None
-        place = [float(stepper.clock[name]) for name in PLACES]
-        watched = stepper.watched
-        return np.concatenate([place, watched.levels, self._loop.margins, watched.values, self.remembered()])
+        inside, run = stepper.inside, self._loop
+        return written(lambda out, bits: int(self._memory_in(inside, run.setting, run.margins, out, bits, 0)))
 
     def memory_at(self, memory: Memory, q: Reals) -> Memory:
         """The memory of a state of this scene whose bodies were moved to q (n_q,)."""
@@ -371,12 +405,14 @@ class MovingSimulation(Turns, Kind):
         """The run as far as it has come."""
         stepper = self.stepper
         clock = None if stepper is None else stepper.state.clock[0]
-        if stepper is not None and self._recorder.frames and self._recorder.frames[-1].time != stepper.time:
-            self._recorder.take(stepper.time, self.frame, last=True)
+        rows = list[Reals]()
+        if stepper is not None and (rows := self._recorder.rows()):
+            self._keep_frame(stepper)
+            rows = self._recorder.rows()
         return self.run_of(
             **self._record(clock),
             worst_residual=0.0 if stepper is None else stepper.residual,
-            frames=tuple(self._recorder.frames) if stepper is not None else (),
+            frames=Frames(rows, self.frame),
             energy_gained=0.0 if stepper is None else float(stepper.clock["gained"]),
             notes=self.moved_to_begin + (self._notes() if stepper is not None else ()),
         )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rungwise.simulation.core.last_resort import RAN_AWAY
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.reasons.hindered import LEADING_ON
+from rungwise.simulation.stepping.stepper import Stepper
 
 
 def snaps(stepper: Stepper, name: str, at: str) -> str:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rungwise.contact.step import span
 from rungwise.kernel import Ints, Reals, copy, kernel
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.state import Scratch, State
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
-from rungwise.simulation.moving.frames import worked
-from rungwise.system.spatial.features import Features
+from rungwise.simulation.moving.frames import Row
+from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.moving.values import slots_of
+from rungwise.simulation.spatial.memory import Kept, contacts_in
+from rungwise.simulation.stepping.stepper import Stepper
+from rungwise.system import contract
+from rungwise.system.spatial.mechanism import Mechanism, energy_of, put_at
 from rungwise.system.spatial.space import Space
 from rungwise.system.terms import DRIVE, JOINT, Terms
 
@@ -51,22 +56,32 @@ REACTIONS = ("drive_force", "limit_force", "joint_force", "dry_friction")
 joints."""
 
 
-def frame(stepper: Stepper, space: Space, memory: Reals) -> Frame:
-    """The state of a run now."""
-    clock = stepper.state.clock[0]
+@contract.tell_frame.given_by(Mechanism)
+@kernel
+def tell_frame(m: Mechanism, s: Any, out: Reals, at: int) -> int:
+    """The energy, and reactions (see `REACTIONS`)."""
+    n, rows = s.state.v.shape[0], 4
+    if at + 1 + rows * n > out.shape[0]:
+        return -1
+    put_at(m, s.attempt.q)
+    out[at] = energy_of(m, s.state.v)
+    found = out[at + 1 : at + 1 + rows * n].reshape((rows, n))
+    found[:, :] = 0.0
+    if s.rung[0].loads:
+        put_reactions(s.terms, s.state, s.scratch, s.attempt.note[0].contacts, m.known.shape[0], found)
+    return int(at + 1 + rows * n)
+
+
+def frame_of(row: Row, scene: SpaceScene, space: Space) -> Frame:
+    """A frame of how it was recorded."""
+    parts, slots, n = memory_parts(scene), slots_of(scene.template), space.model.nv
+    values = row.memory[parts.values]
+    places, speeds = values[slots.time + 1 : slots.speeds], values[slots.speeds :][:n]
+    touch = touch_of(contacts_in(row.memory[parts.core], space))
     return Frame(
-        stepper.time, stepper.q.copy(), stepper.v.copy(), memory, touching(stepper, space),
-        float(clock["residual"]), space.energy(stepper.q, stepper.v),
-        worked(clock), reactions(stepper, space),
+        float(values[slots.time]), places, speeds, row.memory, touch, row.residual, float(row.rest[0]),
+        row.work, row.rest[1:].reshape(len(REACTIONS), n),
     )  # fmt: skip
-
-
-def reactions(stepper: Stepper, space: Space) -> Reals:
-    """What acted on each velocity in the last step, as of `REACTIONS`."""
-    found = np.zeros((len(REACTIONS), len(stepper.state.v)))
-    if stepper.rung.loads:
-        put_reactions(stepper.terms, stepper.state, stepper.scratch, stepper.contacts, space.most, found)
-    return found
 
 
 @kernel
@@ -93,42 +108,16 @@ def put_reactions(
 def touching(stepper: Stepper, space: Space) -> Touch:
     """Contacts of the last step, where they were at its start."""
     kept, state = space.kept, stepper.state
-    slots = np.empty(int(kept.used[0]), np.int64)
-    count = used_features(kept, slots)
-    point, normal, pushed = np.empty((3, count, 3))
-    friction, gap = np.empty((2, count))
-    mode, geoms = np.empty(count, np.int64), np.empty((count, 2), np.int64)
-    put_touch(kept, state.force, state.modes, slots, point, normal, pushed, friction, mode, geoms, gap)
-    return Touch(point, normal, pushed, friction, mode, geoms, gap)
+    slots = np.flatnonzero(kept.geoms[: int(kept.used[0]), 0] >= 0)
+    return touch_of(Kept(kept.geoms[slots], kept.world[slots], state.force[slots], state.modes[slots]))
 
 
-@kernel
-def used_features(kept: Features, slots: Ints) -> int:
-    """Fill in which slots have a feature; returns how many."""
-    count = 0
-    for s in range(kept.used[0]):
-        if kept.geoms[s, 0] >= 0:
-            slots[count] = s
-            count += 1
-    return count
-
-
-@kernel
-def put_touch(
-    kept: Features, force: Reals, modes: Ints, slots: Ints, point: Reals, normal: Reals, pushed: Reals,
-    friction: Reals, mode: Ints, geoms: Ints, gap: Reals,
-) -> None:  # fmt: skip
-    """Fill in the fields of `Touch` of the features in these slots."""
-    for c in range(len(gap)):
-        slot = slots[c]
-        world, along = kept.world[slot], kept.world[slot, 6:9]
-        mode[c], gap[c], friction[c] = modes[slot], world[9], world[10]
-        geoms[c, 0], geoms[c, 1] = kept.geoms[slot, 0], kept.geoms[slot, 1]
-        for i in range(3):
-            point[c, i], normal[c, i] = world[i], world[3 + i]
-            j, k = (i + 1) % 3, (i + 2) % 3
-            across = world[3 + j] * along[k] - world[3 + k] * along[j]
-            pushed[c, i] = force[slot, 0] * world[3 + i] + force[slot, 1] * along[i] + force[slot, 2] * across
+def touch_of(kept: Kept) -> Touch:
+    """Contacts in the world."""
+    world, force = kept.world, kept.force
+    normal, along = world[:, 3:6], world[:, 6:9]
+    pushed = force[:, :1] * normal + force[:, 1:2] * along + force[:, 2:3] * np.cross(normal, along)
+    return Touch(world[:, :3], normal, pushed, world[:, 10], kept.mode, kept.geoms, world[:, 9])
 
 
 MODES = ("open", "stick", "slip")

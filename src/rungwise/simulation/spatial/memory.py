@@ -7,11 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Ints, Reals, kernel
-from rungwise.simulation.core.state import State
-from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.moving.memory import restored
+from rungwise.kernel import Ints, Reals, kernel, steady
+from rungwise.simulation.core.state import CLOCK, State
+from rungwise.simulation.moving.memory import restored, written
+from rungwise.simulation.stepping.record import put, put_bits
+from rungwise.simulation.stepping.stepper import Stepper
+from rungwise.system import contract
 from rungwise.system.spatial.features import FREE, Features
+from rungwise.system.spatial.mechanism import Mechanism, kept_in
 from rungwise.system.spatial.space import Space
 
 HEAD = 6
@@ -31,7 +34,7 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
     state, scratch, kept = stepper.state, stepper.scratch, space.kept
     return _Arrays(
         [
-            space.activation, stepper.clock_numbers, scratch.limited_force, scratch.limited_mode,
+            space.activation, stepper.tried.clock, scratch.limited_force, scratch.limited_mode,
             stepper.terms.fall, kept.used,
         ],
         [state.modes, state.deformation, state.force, state.impulse],
@@ -41,20 +44,31 @@ def _arrays(stepper: Stepper, space: Space) -> _Arrays:
 
 def remembered(stepper: Stepper, space: Space) -> Reals:
     """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
-    whole, state, kept = _arrays(stepper, space).whole, stepper.state, space.kept
-    active, known = np.empty(len(state.modes), np.int64), np.empty(int(kept.used[0]), np.int64)
+    mechanism, setting, put_all = space.mechanism, stepper.setting, steady(remember)
+    return written(lambda out, bits: int(put_all(mechanism, setting, out, bits, 0)))
+
+
+@contract.remember.given_by(Mechanism)
+@kernel
+def remember(m: Mechanism, s: Any, out: Reals, bits: Ints, at: int) -> int:
+    state, scratch, kept, active, known = s.state, s.scratch, kept_in(m), m.active, m.known
     actives, knowns, size = used_slots(state, kept, active, known)
-    first = HEAD + actives + knowns
-    at = first + sum(part.size for part in whole)
-    found = np.empty(at + size)
-    found[:HEAD] = (space.margin, *_sizes(stepper, space), actives, knowns)
-    found[HEAD : HEAD + actives], found[HEAD + actives : first] = active[:actives], known[:knowns]
-    for part in whole:
-        found[first : first + part.size] = part.view(np.float64)
-        first += part.size
-    rows = found[at:]
-    put_rows(state, kept, active[:actives], known[:knowns], rows, rows.view(np.int64))
-    return found
+    whole = m.activation.shape[0] + s.attempt.clock.shape[0] + 2 * scratch.limited_force.shape[0]
+    whole += s.terms.fall.shape[0] + 1
+    if at + HEAD + actives + knowns + whole + size > out.shape[0]:
+        return -1
+    out[at], out[at + 1], out[at + 2] = m.margin[0], scratch.limited_force.shape[0], state.modes.shape[0]
+    out[at + 3], out[at + 4], out[at + 5] = kept.geoms.shape[0], actives, knowns
+    at += HEAD
+    for k in range(actives):
+        out[at + k] = active[k]
+    at += actives
+    for k in range(knowns):
+        out[at + k] = known[k]
+    at = put(s.attempt.clock, out, put(m.activation, out, at + knowns))
+    at = put_bits(scratch.limited_mode, bits, put(scratch.limited_force, out, at))
+    at = put_bits(kept.used, bits, put(s.terms.fall, out, at))
+    return put_rows(state, kept, active[:actives], known[:knowns], out, bits, at)
 
 
 @kernel
@@ -80,10 +94,11 @@ def used_slots(state: State, kept: Features, active: Ints, known: Ints) -> tuple
 
 
 @kernel
-def put_rows(state: State, kept: Features, active: Ints, known: Ints, rows: Reals, bits: Ints) -> None:
-    """Fill rows with those of the state and of features in use, in the order of `_arrays`; `bits` are the
-    same numbers as integers."""
-    at = 0
+def put_rows(
+    state: State, kept: Features, active: Ints, known: Ints, rows: Reals, bits: Ints, at: int
+) -> int:  # fmt: skip
+    """Fill rows with those of the state and of features in use, in the order of `_arrays`, from `at` on;
+    `bits` are the same numbers as integers. Returns where they end."""
     for s in active:
         bits[at] = state.modes[s]
         at += 1
@@ -94,6 +109,7 @@ def put_rows(state: State, kept: Features, active: Ints, known: Ints, rows: Real
         at += 2
     for of_feature in (kept.place, kept.along, kept.world):
         at = _put(of_feature, known, rows, at)
+    return at
 
 
 @kernel
@@ -138,3 +154,35 @@ def recall(stepper: Stepper, space: Space, values: Reals) -> None:
             size = len(rows) * part[0].size
             part[rows] = values[at : at + size].view(part.dtype).reshape(len(rows), *part.shape[1:])
             at += size
+
+
+class Kept(NamedTuple):
+    """What a memory says of contacts, of those of features in use (c,): geoms (c, 2), world (c, 11) (see
+    `Features`), force (c, d) and mode (c,)."""
+
+    geoms: Ints
+    world: Reals
+    force: Reals
+    mode: Ints
+
+
+def contacts_in(core: Reals, space: Space) -> Kept:
+    """The contacts in such a memory."""
+    limited, actives, knowns = int(core[1]), int(core[4]), int(core[5])
+    whole = space.model.na + CLOCK.itemsize // 8 + 2 * limited + space.model.nv + 1
+    active, known = np.split(core[HEAD : HEAD + actives + knowns].astype(np.int64), [actives])
+    at, d = HEAD + actives + knowns + whole, space.directions
+    modes = core[at : at + actives].view(np.int64)
+    at += actives * (1 + d)
+    forces = core[at : at + actives * d].reshape(actives, d)
+    at += 2 * actives * d
+    geoms = core[at : at + 2 * knowns].view(np.int64).reshape(knowns, 2)
+    at += (2 + 6 + 6) * knowns
+    world = core[at : at + 11 * knowns].reshape(knowns, 11)
+    where = np.searchsorted(active, known)
+    found = np.zeros(knowns, bool)
+    inside = where < actives
+    found[inside] = active[where[inside]] == known[inside]
+    force, mode = np.zeros((knowns, d)), np.zeros(knowns, np.int64)
+    force[found], mode[found] = forces[where[found]], modes[where[found]]
+    return Kept(geoms, world, force, mode)

@@ -9,10 +9,10 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.crawl import CAUSES, why_nowhere
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.moving.snaps import led_on, snaps
 from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.reach import rate_of
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed

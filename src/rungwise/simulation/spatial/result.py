@@ -26,7 +26,7 @@ class SpaceRun(MovingRun):
     `energy_gained` is the energy that contacts added in steps in which something bounced."""
 
     scene: SpaceScene
-    frames: tuple[Frame, ...]
+    frames: Sequence[Frame]
     space: Space | None = None
 
     def dataset(self) -> xarray.Dataset:

@@ -11,16 +11,17 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene.read import load_in_space
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault
+from rungwise.simulation.moving.frames import Row
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.spatial.begin import faults_before, misplaced
-from rungwise.simulation.spatial.frames import Frame, contacts_of, frame
-from rungwise.simulation.spatial.memory import recall, remembered
+from rungwise.simulation.spatial.frames import Frame, contacts_of, frame_of
+from rungwise.simulation.spatial.memory import recall
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.reasons import crawled, fastest, snapped, stuck
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.space import Space
 from rungwise.system.spatial.turning import remarks
 
@@ -70,10 +71,6 @@ class SpaceSimulation(MovingSimulation):
     def begins(self, stepper: Stepper) -> None:
         self.space.begin(stepper.q, stepper.v)
 
-    def remembered(self) -> Reals:
-        assert self.stepper is not None
-        return remembered(self.stepper, self.space)
-
     def recall(self, core: Reals) -> None:
         assert self.stepper is not None
         recall(self.stepper, self.space, core)
@@ -83,9 +80,8 @@ class SpaceSimulation(MovingSimulation):
         super().hand_on(core)
         self.space.look_within(margin)
 
-    def frame(self) -> Frame:
-        assert self.stepper is not None
-        return frame(self.stepper, self.space, self.memory())
+    def frame(self, row: Row) -> Frame:
+        return frame_of(row, self.scene, self.space)
 
     def contacts(self, knows_forces: bool) -> Contacts:
         assert self.stepper is not None

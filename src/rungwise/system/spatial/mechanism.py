@@ -73,8 +73,8 @@ class Mechanism(Block):
     Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
     `one` and `other` are the features of the last step that was taken and those of the last `fill`, the other
     way round where `turn` (1,) says so (see `kept_in`, `found_in`); `saved` is what `keep` keeps; after
-    (n_q,), momentum, lengths (n,) and the geoms' frames `begun` and `ended` are scratch; `energy` (2,)
-    is in MuJoCo's memory.
+    (n_q,), slots that are `active` or `known` (s,), momentum, lengths (n,) and the geoms' frames `begun`
+    and `ended` are scratch; `energy` (2,) is in MuJoCo's memory.
     """
 
     address: Ints
@@ -109,6 +109,8 @@ class Mechanism(Block):
     resting: Resting
     turning: Turning
     saved: Saved
+    active: Ints
+    known: Ints
     energy: Reals
     momentum: Reals
     after: Reals

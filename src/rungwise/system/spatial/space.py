@@ -170,6 +170,7 @@ class Space:
                 turn=np.zeros(1, np.int64), margin=np.zeros(1), activation=np.zeros(m.na),
                 numbers=np.zeros(1, NUMBERS), velocity=np.zeros(m.nv),
             ),
+            active=np.zeros(len(self._slots), np.int64), known=np.zeros(self.most, np.int64),
             energy=data.energy, momentum=np.zeros(m.nv), after=np.zeros(m.nq),
             lengths=np.zeros(m.nv), begun=frames[0], ended=frames[1],
         )  # fmt: skip

@@ -15,7 +15,6 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.language.expression import SLOTS, STACK, Programs
 from rungwise.scene.language.terms import LENGTH, TIME, Dimension, Term
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.kind import numbered
 from rungwise.simulation.moving.memory import memory_parts, recall
@@ -30,6 +29,7 @@ from rungwise.simulation.moving.values import (
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.moving import Asked
 
 

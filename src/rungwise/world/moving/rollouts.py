@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms
 from rungwise.simulation.options import ModelError, RunOptions, count
+from rungwise.simulation.stepping.record import WORK
 from rungwise.simulation.threads import BUDGET, threads_of
 from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told

@@ -12,14 +12,15 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.core.tolerances import OVERLAP
-from rungwise.simulation.moving.kind import numbered, pushed
+from rungwise.simulation.moving.kind import numbered
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.rows import States, scale_of
 from rungwise.simulation.spatial.memory import recall
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.state import State
+from rungwise.simulation.stepping.plain import pushed
+from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.system.spatial.drives import HINGE, SLIDE
 from rungwise.system.spatial.space import Space
 from rungwise.world.moving.place import MovingPlace

@@ -20,10 +20,11 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, system_kernel
 from rungwise.outcome import Code
-from rungwise.simulation.core.advance import advance, is_taken, snaps_on
-from rungwise.simulation.core.attempt import Setting
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED
 from rungwise.simulation.core.tolerances import ROUNDING
+from rungwise.simulation.stepping.advance import advance, is_taken, snaps_on
+from rungwise.simulation.stepping.attempt import Setting
+from rungwise.simulation.stepping.record import Recorded, record
 from rungwise.simulation.watched.held_since import DATINGS, lasts
 from rungwise.simulation.watched.inputs import (
     is_guarded,
@@ -47,6 +48,8 @@ from rungwise.system.contract import hear, keep, take_back, tell_values
 from rungwise.system.moving import ANYTHING, Asked
 
 MISSED, TIMEOUT = int(Code.MISSED), int(Code.TIMEOUT)
+FULL = 10
+"""Status beside those of steps: there is no room for a frame of the step that was taken."""
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
 GAINED = 1e-12
@@ -83,7 +86,7 @@ class Loop(NamedTuple):
     """What a run is made by: what its steps are taken with; programs of the scene's conditions; control of
     steps; what conditions ask of states; what is kept of the run before a step; the greatest margins so far,
     of the goal, and of the unsafe or doomed condition that is nearer (2,); the verdict as it stands, and
-    whether it is that a segment's condition did not hold in its time (2,)."""
+    whether it is that a segment's condition did not hold in its time (2,); and its frames."""
 
     setting: Setting
     conditions: Conditions
@@ -92,6 +95,7 @@ class Loop(NamedTuple):
     kept: Snapshot
     margins: Reals
     verdict: Ints
+    recorded: Recorded
 
 
 @system_kernel
@@ -106,7 +110,7 @@ def begin_run(system: Any, run: Loop) -> None:
 @system_kernel
 def take_steps(system: Any, run: Loop, steps: int, signals: Ints) -> int:
     """Take at most so many steps, until signalled to stop, the verdict stands, or a segment of the schedule
-    has ended; returns how the last one ended (see `core.advance`)."""
+    has ended; returns how the last one ended (see `stepping.advance`)."""
     clock = run.setting.state.clock[0]
     segment = clock.segment
     for _ in range(steps):
@@ -115,6 +119,9 @@ def take_steps(system: Any, run: Loop, steps: int, signals: Ints) -> int:
         status = run_step(system, run)
         if status != SUPPORTED:
             return int(status)
+        run.recorded.note[0].since += 1
+        if not record(system, run.setting, run.margins, run.recorded, run.verdict[0] != RUNNING):
+            return FULL
     return SUPPORTED
 
 

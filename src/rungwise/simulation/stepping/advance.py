@@ -1,6 +1,6 @@
 """One step after another, of any system: how long each is, and what is taken over of it.
 
-The way of one step: `advance` halves its length until an attempt holds (`core.attempt`), or its error is
+The way of one step: `advance` halves its length until an attempt holds (`stepping.attempt`), or its error is
 what is allowed. Then forces, deformations and work are taken over (`take`).
 """
 
@@ -10,7 +10,11 @@ import math
 from typing import Any
 
 from rungwise.kernel import Reals, copy, inner_kernel, kernel, system_kernel
-from rungwise.simulation.core.attempt import (
+from rungwise.simulation.core.crawl import BENT, CAUSES, OVERLAPPING, culprit, lead_nowhere, voted
+from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
+from rungwise.simulation.core.tolerances import MAX_HALVINGS, SHORTER, SINKING
+from rungwise.simulation.core.update_state import accept
+from rungwise.simulation.stepping.attempt import (
     CROWDED,
     HALTED,
     STUCK,
@@ -21,10 +25,6 @@ from rungwise.simulation.core.attempt import (
     reach_of,
     trial_of,
 )
-from rungwise.simulation.core.crawl import BENT, CAUSES, OVERLAPPING, culprit, lead_nowhere, voted
-from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
-from rungwise.simulation.core.tolerances import MAX_HALVINGS, SHORTER, SINKING
-from rungwise.simulation.core.update_state import accept
 from rungwise.simulation.watched.inputs import set_rest, set_speeds
 from rungwise.simulation.watched.values import TIME
 from rungwise.system import contract

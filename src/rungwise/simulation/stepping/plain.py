@@ -38,11 +38,12 @@ class ToldSystem:
 @dataclass
 class PlainSystem:
     """A system, and its further laws of contact if it has any, with the methods of `system.contract`.
-    `crowded` is what the last `fill` without room raised."""
+    `crowded` is what the last `fill` without room raised; pairs of bodies are those of the frames' gaps."""
 
     system: System
     further: Further | None
     crowded: Crowded = field(init=False)
+    pairs: list[tuple[int, int]] = field(default_factory=list)
     _middle: Reals = field(init=False)
     _kept: list[NDArray[Any]] = field(init=False)
 
@@ -126,3 +127,40 @@ class PlainSystem:
             if at >= 0:
                 values[first + count + at] += push
                 values[first + 2 * count + at] += h * push
+
+    def remember(self, setting: Any, out: Reals, _bits: Ints, at: int) -> int:
+        for part in kept_arrays(setting, self.system):
+            if at + part.size > len(out):
+                return -1
+            out[at : at + part.size] = np.ascontiguousarray(part).view(np.float64).ravel()
+            at += part.size
+        return at
+
+    def tell_frame(self, setting: Any, out: Reals, at: int) -> int:
+        """Energy, and gaps and normal forces (c,) of the pairs."""
+        system: Any = self.system
+        q, state, count = setting.attempt.q, setting.state, len(self.pairs)
+        if at + 1 + 2 * count > len(out):
+            return -1
+        out[at] = system.energy(q, state.v)
+        out[at + 1 : at + 1 + count] = [system.gap(q, a, b) for a, b in self.pairs]
+        out[at + 1 + count : at + 1 + 2 * count] = pushed(system, self.pairs, state.force)
+        return at + 1 + 2 * count
+
+
+def kept_arrays(setting: Any, system: System) -> list[NDArray[Any]]:
+    """All that steps of a system in Python hand on: of the core, and what the system keeps itself."""
+    state, scratch = setting.state, setting.scratch
+    return [
+        setting.attempt.clock, scratch.limited_force, scratch.limited_mode, setting.terms.fall,
+        state.modes, state.deformation, state.force, state.impulse, *getattr(system, "kept", ()),
+    ]  # fmt: skip
+
+
+def pushed(system: Any, pairs: list[tuple[int, int]], force: Reals) -> Reals:
+    """Normal forces (c,) of pairs of bodies, from forces by slot (s, d)."""
+    found = dict.fromkeys(pairs, 0.0)
+    for a, b, push in system.pushes(force):
+        pair = (min(a, b), max(a, b))
+        found[pair] = found.get(pair, 0.0) + push
+    return np.array([found[pair] for pair in pairs])

@@ -27,11 +27,11 @@ from rungwise.kernel import (
 )
 from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
-from rungwise.simulation.core.overlap import least_allowed, open_added
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR, SHORTER
 from rungwise.simulation.core.update_state import fill_pace, take_slots
+from rungwise.simulation.stepping.overlap import least_allowed, open_added
 from rungwise.simulation.watched.inputs import Inputs
 from rungwise.simulation.watched.values import Watched
 from rungwise.system.contract import fastest, fill, integrate, least_gap, passes, tell_laws
@@ -65,14 +65,16 @@ goes on, 0 where it begins; step: the nominal one."""
 
 
 class Attempt(Block):
-    """note (1,); q (n_q,) where steps begin, and `trial` (n_q,), where the velocities of the attempt lead;
-    v (n,): these, or how fast things would move if the attempt is refused; fell (n,): what weight gave them;
-    falls (n,): accelerations by weight; slots, fresh (s,): of the contacts of the terms; places (k, n_q) and
-    ways (k, n): where terms were linearised, and the velocities that led there. leapt, ran (3 + n,): of the
-    first leap, and of the first step that was refused because things move too far in it: time, length, how
-    far as a length, and the motion. pace, led, fastest, solved, asked (n,) are scratch."""
+    """note (1,); clock (k,): the state's numbers; q (n_q,) where steps begin, and `trial` (n_q,), where
+    the velocities of the attempt lead; v (n,): these, or how fast things would move if the attempt is
+    refused; fell (n,): what weight gave them; falls (n,): accelerations by weight; slots, fresh (s,): of the
+    contacts of the terms; places (k, n_q) and ways (k, n): where terms were linearised, and the velocities
+    that led there. leapt, ran (3 + n,): of the first leap, and of the first step that was refused because
+    things move too far in it: time, length, how far as a length, and the motion. pace, led, fastest, solved,
+    asked (n,) are scratch."""
 
     note: RecordArray
+    clock: Reals
     q: Reals
     trial: Reals
     v: Reals
@@ -91,16 +93,17 @@ class Attempt(Block):
     asked: Reals
 
 
-def allocate_attempt(size: Size, falls: Reals, within: float, step: float) -> Attempt:
-    """Of a system that weight gives accelerations falls (n_v,), whose contacts pull within a gap, in steps of
-    this length."""
+def allocate_attempt(size: Size, clock: Reals, falls: Reals, within: float, step: float) -> Attempt:
+    """Of a system with this clock (k,), which weight gives accelerations falls (n_v,) and whose contacts pull
+    within a gap, in steps of this length."""
     n, n_q = size.velocities, size.coordinates
     note = np.zeros(1, NOTE)
     note["length"], note["thin"], note["within"] = size.length, size.thin, within
     note["step"] = step
     note["falls"] = bool(falls.any())
     return Attempt(
-        note=note, q=np.zeros(n_q), trial=np.zeros(n_q), v=np.zeros(n), fell=np.zeros(n), falls=falls.copy(),
+        note=note, clock=clock, q=np.zeros(n_q),
+        trial=np.zeros(n_q), v=np.zeros(n), fell=np.zeros(n), falls=falls.copy(),
         slots=np.zeros(size.slots, np.int64), fresh=np.zeros(size.slots, np.int64),
         places=np.zeros((LINEARISATIONS, n_q)), ways=np.zeros((LINEARISATIONS, n)), leapt=np.zeros(3 + n),
         ran=np.zeros(3 + n), pace=np.zeros(n),

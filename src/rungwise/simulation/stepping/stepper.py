@@ -1,7 +1,7 @@
 """A run of any system, step after step: its arrays, and what the failure of a step means.
 
-Steps are taken by kernels (`core.advance`). A step that has no solution however short is a jam, or an end of
-support, if a certificate proves it.
+Steps are taken by kernels (`stepping.advance`). A step that has no solution however short is a jam, or an end
+of support, if a certificate proves it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,14 @@ from rungwise.kernel import Reals, steady
 from rungwise.models.entries import trimmed
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.advance import (
+from rungwise.simulation.core.crawl import FAR, OVERLAPPING, Leap
+from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
+from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
+from rungwise.simulation.core.limit_surface import without_law
+from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
+from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
+from rungwise.simulation.core.tolerances import NEAR, PAUSE, ROUNDING
+from rungwise.simulation.stepping.advance import (
     NO_ROOM,
     NOWHERE,
     SNAPS,
@@ -32,7 +39,7 @@ from rungwise.simulation.core.advance import (
     snaps_on,
     take,
 )
-from rungwise.simulation.core.attempt import (
+from rungwise.simulation.stepping.attempt import (
     CROWDED,
     HALTED,
     Attempt,
@@ -42,15 +49,8 @@ from rungwise.simulation.core.attempt import (
     fill_terms,
     reach_of,
 )
-from rungwise.simulation.core.crawl import FAR, OVERLAPPING, Leap
-from rungwise.simulation.core.last_resort import RAN_AWAY, ask, lacking, unsupported
-from rungwise.simulation.core.laws.further import Further, further_rows, law_arrays
-from rungwise.simulation.core.limit_surface import without_law
-from rungwise.simulation.core.overlap import crushes
-from rungwise.simulation.core.plain import PlainSystem, ToldSystem
-from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
-from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, solve_step
-from rungwise.simulation.core.tolerances import NEAR, PAUSE, ROUNDING
+from rungwise.simulation.stepping.overlap import crushes
+from rungwise.simulation.stepping.plain import PlainSystem, ToldSystem
 from rungwise.simulation.watched.inputs import Inputs, no_inputs
 from rungwise.simulation.watched.values import Slots, Watched, allocate_watched
 from rungwise.system.moving import Crowded, System
@@ -129,13 +129,14 @@ class Stepper:
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
-        self.clock_numbers = clock.view(np.float64)
         self.clock = clock.view(np.dtype(clock.dtype.descr)).view(np.ndarray)[0]
         pulls = self._further is not None and self._further.pulls
         weighs = self.rung.inertia == 1.0 and self.rung.loads and not (size.limited or pulls)
         falls = getattr(self.system, "falls", None) if weighs else None
         within = -math.inf if self._further is None else self._further.named.within
-        self.tried = allocate_attempt(size, np.zeros(n) if falls is None else falls, within, self.step)
+        self.tried = allocate_attempt(
+            size, clock.view(np.float64), np.zeros(n) if falls is None else falls, within, self.step
+        )
         self.tried.q[:] = q
         self.note = self.tried.note.view(np.dtype(self.tried.note.dtype.descr)).view(np.ndarray)[0]
         self.watched = allocate_watched(clock, self.values, np.zeros(len(self.inputs.columns)), self.slots)
@@ -209,7 +210,7 @@ class Stepper:
 
     @property
     def leapt(self) -> float:
-        """How far the last step leapt, or 0 (see `core.attempt`)."""
+        """How far the last step leapt, or 0 (see `stepping.attempt`)."""
         return float(self.clock["leapt"])
 
     @property
@@ -236,7 +237,7 @@ class Stepper:
         return self.outcome
 
     def advance(self, h: float, tol: float = math.inf) -> float:
-        """Take one step of length h, or shorter (see `core.advance`). Where there is none, however short,
+        """Take one step of length h, or shorter (see `stepping.advance`). Where there is none, however short,
         `rw.solve` is asked once, for forces to start from or for a proof. Returns the length for the next
         step."""
         asked = False
@@ -247,13 +248,13 @@ class Stepper:
             asked |= status != NO_ROOM
 
     def snaps_on(self, h: float) -> bool:
-        """Whether what leapt in the last step goes on (see `core.advance.snaps_on`); then the run is over."""
+        """Whether what leapt in the last step goes on (see `advance.snaps_on`); then the run is over."""
         while not self.settles(int(self._snaps_in(self.inside, self.setting, h)), True):
             pass
         return self.snaps
 
     def settles(self, status: int, asked: bool) -> bool:
-        """Set the outcome by how a step ended (see `core.advance`); False where it is to be tried again.
+        """Set the outcome by how a step ended (see `stepping.advance`); False where it is to be tried again.
         Raises TimeOver, Crowded, UndefinedNumber."""
         if status == NO_ROOM:
             self.system.makes_room()  # type: ignore[attr-defined]
@@ -297,7 +298,7 @@ class Stepper:
             raise UndefinedNumber(int(self.watched.undefined[0]))
 
     def attempt(self, h: float) -> int:
-        """The status of a step of length h (see `core.attempt`). Raises TimeOver, UndefinedNumber."""
+        """The status of a step of length h (see `stepping.attempt`). Raises TimeOver, UndefinedNumber."""
         self.lead(h)
         status = int(self._attempt_in(self.inside, self.setting, h))
         while self._has_kernels and self.system.makes_room():  # type: ignore[attr-defined]

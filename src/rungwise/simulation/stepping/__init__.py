@@ -1,0 +1,1 @@
+"""Steps of any system, one after another: attempts, lengths, conditions, and what failures mean."""
