@@ -30,6 +30,7 @@ class ContactProblem(Block):
     H (n, n) symmetric positive definite; c (n,); W (k d, n); R (k, d, d); w (k d,); mu (k,);
     S (b, n); R_s (b,); w_s (b,); F (b,). Units: H is force per velocity, lambda and tau are forces.
     quantum (1,): the velocity that rounding of positions amounts to over the step; smaller ones are noise.
+    Of many velocities H and W keep their entries alone, in spans that are told beside (see `step.spans`).
     """
 
     H: NDArray[np.float64]
