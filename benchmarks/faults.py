@@ -507,11 +507,27 @@ FAULTS = (
         "rounding decides which of two faces keeps bodies apart where corner meets corner",
     ),
     Fault(
-        "jam-told-late", "src/rungwise/simulation/planar/loop.py",
-        "(BETWEEN if refused else -1)", "(BETWEEN if refused else -2 * BETWEEN)",
+        "jam-unasked", "src/rungwise/simulation/planar/loop.py",
+        "solve_step(trial_in(rung, h, clock.contacts, workspace)) == UNSOLVED",
+        "solve_step(trial_in(rung, h, clock.contacts, workspace)) != UNSOLVED",
         ("tests/simulation/test_wedged.py::"
          "test_a_jam_is_told_where_other_short_steps_stand_between_the_refused_ones",),
-        "other short steps between refused ones put a jam off",
+        "what closed contacts leave without solution is no jam",
+    ),
+    # Steps without momentum.
+    Fault(
+        "leap-vanishes", "src/rungwise/simulation/planar/step/held.py",
+        "if moved > 0.0 and not vanishes(trial):", "if moved > 0.0 and vanishes(trial):",
+        ("tests/simulation/test_leaps.py::"
+         "test_a_spring_that_snaps_over_a_ridge_is_told_however_little_it_moves",),
+        "what vanishes with the step leaps, and what leaps does not",
+    ),
+    Fault(
+        "leap-alone", "src/rungwise/simulation/core/held.py",
+        "if is_near(trial, near, k):", "if not is_near(trial, near, k):",
+        ("tests/simulation/test_leaps.py::"
+         "test_what_nothing_holds_is_unsupported_however_far_it_would_go",),
+        "contacts that are far hold bodies, and those that are near do not",
     ),
     # Fits.
     Fault(

@@ -161,7 +161,7 @@ def test_copies_go_on_alike() -> None:
 
 
 @pytest.mark.long
-def test_many_are_many_single_ones_in_any_number_of_processes(scene: SpaceScene) -> None:
+def test_many_are_many_single_ones_in_any_number_of_threads(scene: SpaceScene) -> None:
     options: dict[str, Any] = {"hold": 0.1, "horizon": 0.3, "tol": 1e-3}
     single = SyncVectorEnv([lambda: SceneEnv(scene, "kinematic", **options)] * 6)
     for threads in (1, 2):

@@ -297,7 +297,7 @@ def test_a_push_that_holds_is_not_planned_anew(make: Make) -> None:
 
 
 def test_what_is_not_known_in_space_is_refused_by_name(plan: rw.Plan) -> None:
-    with pytest.raises(rw.TaskError, match="cluster: pusher runs in processes"):
+    with pytest.raises(rw.TaskError, match="cluster: pusher runs in threads"):
         rw.verify(plan, samples=3, cluster="tcp://127.0.0.1:1")
 
 

@@ -15,8 +15,6 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.update_state import take_slots
 from rungwise.simulation.planar.step import error_control
-from rungwise.simulation.reasons.reasons import Reasons
-from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial import begin, replay
 from rungwise.simulation.spatial.replay import _between
 from rungwise.simulation.spatial.result import SpaceRun
@@ -53,20 +51,6 @@ def test_what_slides_in_one_judge_alone_is_told_from_a_millionth_of_the_fastest_
     mine: dict[str, float] = {"mode": 1, "gap": 0.0}
     for slip, lines in ((1e-7, 0), (1e-5, 1)):
         assert len(_between("a|b", mine, {"slip": slip, "depth": 0.0}, 1.0)) == lines
-
-
-def test_a_step_that_looks_like_a_jam_is_looked_at_more_closely_four_times() -> None:
-    """From a quarter of the goal's tolerance to a forty-thousandth."""
-    simulation = Simulation("two_finger", "kinematic")
-    control, tolerance = simulation._control, float(simulation._control[0]["tolerance"])
-    run: Any = SimpleNamespace(
-        control=control, _go_on=lambda: None,
-        workspace=SimpleNamespace(state=SimpleNamespace(clock=[{"outcome": Code.JAMMED}])),
-    )  # fmt: skip
-    asked = [float(control[0]["jam"]) / tolerance]
-    while len(asked) < 9 and Reasons.looks_closer(run):
-        asked.append(float(control[0]["jam"]) / tolerance)
-    assert asked == pytest.approx([0.25, 0.025, 2.5e-3, 2.5e-4, 2.5e-5])
 
 
 @pytest.mark.parametrize(("open_by", "begins"), [(2e-3, True), (5e-2, False)])

@@ -10,7 +10,6 @@ import pytest
 
 import rungwise as rw
 from rungwise.contact.judge.certificate import check
-from rungwise.simulation.planar.loop import BETWEEN, STALLS, stalled_after
 
 TOL = 7.071067811865475e-05
 START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
@@ -53,16 +52,6 @@ def test_a_jam_is_told_where_other_short_steps_stand_between_the_refused_ones() 
         tol=TOL, threads=1,
     )  # fmt: skip
     compare(found, 1)
-
-
-@pytest.mark.parametrize(("others", "is_jam"), [(0, True), (2, True), (3, False), (6, False)])
-def test_three_other_short_steps_make_up_for_one_in_place_of_a_longer_one(others: int, is_jam: bool) -> None:
-    stalled = most = 0
-    for k in range(200):
-        stalled = stalled_after(stalled, k % (others + 1) == 0, True)
-        most = max(most, stalled)
-    assert (most >= BETWEEN * STALLS) == is_jam
-    assert stalled_after(most, True, False) == 0
 
 
 def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long() -> None:

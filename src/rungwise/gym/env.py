@@ -46,7 +46,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         dtype: of observations and actions, "float32" or "float64".
         step, tol, theta: as for `rungwise.simulate`; steps are error-controlled, to a thousandth of the size
             of the largest object, if neither `step` nor `tol` is given.
-        threads: of compiled runs, in space processes; one environment uses one.
+        threads: of compiled runs; one environment uses one.
         render_mode: None or "rgb_array"; in space by MuJoCo's renderer, which needs an OpenGL context.
         seed: of the first reset that gets none.
 

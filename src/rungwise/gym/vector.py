@@ -1,4 +1,4 @@
-"""Many environments of one scene on one rung, advanced by one compiled call, or in space by processes."""
+"""Many environments of one scene on one rung, advanced by compiled code on threads."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def compare(
         accuracy: greatest distance of motions that count as alike, as a part of the scene's extent.
         duration: end of the runs; if not given, each ends when the runs on all rungs have ended, at the
             scene's duration at the latest.
-        threads: how many, in space processes; as many as there are cores if not given. The results do not
+        threads: how many; as many as there are cores if not given. The results do not
             depend on it.
         limit: seconds after which the call returns with the rungs, pairs and stages that are measured; see
             `unfinished` of the result.

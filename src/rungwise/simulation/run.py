@@ -259,10 +259,10 @@ class Simulation(Turns):
             self._save_last(self.hard, workspace)
 
     def _goes_on(self, balance: Balance | None) -> bool:
-        """Whether the run goes on from its end: with shorter steps, or once for each state from forces
-        that may balance the loads."""
+        """Whether the run goes on from its end: once for each state, from forces that may balance the
+        loads."""
         if balance is None or self.time <= self._sought:
-            return self._reasons().looks_closer()
+            return False
         self._sought = self.time
         self._reasons().goes_on(balance)
         return True

@@ -31,7 +31,7 @@ from rungwise.simulation.planar.samples import (
 )
 from rungwise.simulation.planar.state.allocation import allocate
 from rungwise.simulation.planar.state.workspace import CLOCK, Workspace, in_memory
-from rungwise.simulation.reasons.reasons import CLOSER, JAM, LOOKS
+from rungwise.simulation.reasons.reasons import JAM
 from rungwise.simulation.state import Memory, digest
 from rungwise.simulation.turns import LONGEST, TURN_S
 from rungwise.simulation.watched.values import CONTROL
@@ -70,7 +70,7 @@ class Workers:
         until: Sequence[str | None] = (),
         ramps: Sequence[bool] = (),
         budget: int | None = None,
-        jam: float = JAM * CLOSER**LOOKS,
+        jam: float = JAM,
         threads: int | None = None,
         **options: Any,
     ) -> None:

@@ -63,7 +63,7 @@ class Batch:
         parameters: values of other parameters; the rest keep their defaults.
         step, tol, duration, theta, motion: as for `simulate`.
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
-        threads: how many, in space processes; as many as there are cores if not given. The results do not
+        threads: how many; as many as there are cores if not given. The results do not
             depend on it.
     """
 

@@ -72,7 +72,7 @@ class Ran(Ended):
 
 
 class Runs(Protocol):
-    """Many runs of one scene on one rung, of at most `budget` steps, in threads or processes that are kept;
+    """Many runs of one scene on one rung, of at most `budget` steps, in threads;
     what comes of a run does not depend on how many these are."""
 
     budget: int

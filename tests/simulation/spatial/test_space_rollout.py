@@ -1,14 +1,10 @@
-"""Rollouts in space: known ways, runs that go on bit for bit, processes, wrong input."""
-
-import time
+"""Rollouts in space: known ways, runs that go on bit for bit, threads, wrong input."""
 
 import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.deadline import NEVER
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.moving.processes import spread
 
 from .conftest import Make
 
@@ -69,7 +65,7 @@ def test_a_sample_is_the_run_of_simulate(scene: SpaceScene) -> None:
     assert found.reason(1) == found.run(1).reason
 
 
-def test_answers_do_not_depend_on_the_number_of_processes(scene: SpaceScene) -> None:
+def test_answers_do_not_depend_on_the_number_of_threads(scene: SpaceScene) -> None:
     aims = np.linspace(0.05, 0.4, 10)[:, None, None]
     one, two = (
         rw.rollout(scene, "kinematic", inputs=aims, durations=0.4, tol=1e-3, threads=n) for n in (1, 2)
@@ -124,16 +120,3 @@ def test_a_state_hands_on_its_impulses_once(scene: SpaceScene) -> None:
     for run in (half, whole, rest):
         (impulse,) = rw.ask(guarded, "impulse(box, world) > 0", run.state).values[0]
         assert impulse == pytest.approx(0.5 * 9.81 * run.time)
-
-
-@pytest.mark.long
-def test_processes_that_grow_by_what_they_compile_are_no_leak() -> None:
-    """Loky would warn of them, and where warnings are errors, as here, be broken."""
-
-    def grown(_job: None, part: int, _look: object = None) -> int:
-        if part in (4, 5):
-            np.grown = np.ones(50_000_000)  # type: ignore[attr-defined]
-        time.sleep(0.5)
-        return part
-
-    assert list(spread(grown, None, range(16), 16, 2, lambda: None, NEVER)) == list(range(16))

@@ -59,7 +59,8 @@ BY_ITERATE, BY_PROBLEM = 0, 1
 def rests(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
     """Whether all things rest by the forces x (rows,), with the residual in least (1,): velocities v (n,) are
     zero then, and as they were elsewhere. Where all contacts yield, a rate that is rounding of the problem
-    counts as `NOTHING`: what they yield by is known to the rounding of places alone."""
+    counts as `NOTHING`: what they yield by is known to the rounding of places alone; and so does momentum,
+    where things would go on with velocities that are such rates."""
     noise = g.noise[0]
     copy(v, room.first_v)
     _clear(v)
@@ -71,7 +72,25 @@ def rests(g: Groups, x: Reals, v: Reals, room: Room) -> bool:
     if found <= NOTHING:
         return True
     copy(room.first_v, v)
+    if found <= ENOUGH and _all_yield(g) and _drifts(g, v) and measure(g, x, v, room) <= NOTHING:
+        _clear(v)
+        return True
     return False
+
+
+@kernel
+def _drifts(g: Groups, v: Reals) -> bool:
+    """Whether no contact moves at these velocities by more than rounding."""
+    for k in range(len(g.kind)):
+        at = g.entry[k]
+        for r in range(g.row[k], g.row[k + 1]):
+            rate = 0.0
+            for e in range(g.first[k], g.first[k + 1]):
+                rate += g.W[at] * v[g.column[e]]
+                at += 1
+            if abs(rate) * g.rate[r] > g.noise[0]:
+                return False
+    return True
 
 
 @inner_kernel

@@ -232,7 +232,7 @@ def _runner(trials: Trials, address: str | None) -> tuple[_Runner, Callable[[], 
     if address is None:
         return trials.run, lambda: None
     if not world_of(trials.plan.scene).on_clusters:
-        raise TaskError(f"cluster: {trials.plan.scene.name} runs in processes of this machine")
+        raise TaskError(f"cluster: {trials.plan.scene.name} runs in threads of this machine")
     request = {
         "model": trials.model.name, "inertia": trials.model.inertia, "tol": trials.tol, "mode": trials.mode,
         "seed": trials.seed, "noise": trials.noise,

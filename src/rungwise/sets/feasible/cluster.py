@@ -33,7 +33,7 @@ def runner(
         yield InProcess(batch, deadline)
         return
     if not world_of(scene).on_clusters:
-        raise SetError(f"cluster: {scene.name} runs in processes of this machine")
+        raise SetError(f"cluster: {scene.name} runs in threads of this machine")
     job = scene.file.model_dump_json(), json.dumps(dict(request))
     cluster = Cluster(address, batch_at, job, SetError, KEPT_NOTE)
     try:

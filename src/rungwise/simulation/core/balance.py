@@ -1,79 +1,19 @@
-"""Steps without momentum: which contacts have to balance the loads where a step begins, and whether what is
-left to inertia is nothing beside them.
-
-Without inertia a step's problem asks for balance at its end alone. What nothing holds where the step begins
-then comes to rest against whatever lies in its way, however far. So contacts that are closed when the step
-begins, or that driven motion closes in it, have to balance the loads alone, with springs, dampers, drives and
-dry friction: what balances only against others got there by momentum, which the rung leaves out.
-"""
+"""Balance without momentum: whether what is left to inertia is nothing beside loads and resistances, and what
+servos lead."""
 
 from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN, diagonal, stretch
+from rungwise.contact.step import diagonal, stretch
 from rungwise.kernel import Reals, kernel, rare_kernel
 from rungwise.models.limit import STIR, greatest_load, noticed_load
-from rungwise.simulation.core.state import Scratch, Trial
-from rungwise.system.entries import is_crowded, rate
-from rungwise.system.skew import is_skew
-from rungwise.system.terms import METRIC, Terms
+from rungwise.simulation.core.state import Trial
+from rungwise.system.terms import METRIC
 
 _ROUNDING = 1e-6
 """Loads that are `unbalanced` of this part of the greatest may be rounding, and need no support: ten times
 the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
-
-
-@kernel
-def pushes_far(trial: Trial, near: float) -> bool:
-    """Whether a contact pushes in the solution that is far where the step begins (see `is_near`)."""
-    d = trial.terms.contact_stiffness.shape[1]
-    for k in range(trial.contacts):
-        if trial.scratch.contact_force[d * k] > 0.0 and not is_near(trial, near, k):
-            return True
-    return False
-
-
-@kernel
-def keep_near(trial: Trial, near: float) -> int:
-    """How many contacts are near where the step begins (see `is_near`); they come first then, in place of the
-    others."""
-    count, d = 0, trial.terms.contact_stiffness.shape[1]
-    for k in range(trial.contacts):
-        if is_near(trial, near, k):
-            _put(k, count, d, trial.terms, trial.scratch)
-            count += 1
-    return count
-
-
-@kernel
-def is_near(trial: Trial, near: float, k: int) -> bool:
-    """Whether contact k is no farther than `near`, driven motion closes it in the step, or it pushed in the
-    last step: a step that takes faces as flat may leave it a little open."""
-    _, h, terms, _, state, scratch, _ = trial
-    d, gap = terms.contact_stiffness.shape[1], terms.gap[k]
-    if gap <= near or state.modes[scratch.slots[k]] != OPEN:
-        return True
-    return bool(gap <= -h * rate(terms.entries, terms.rows, d * k, d, state.speed))
-
-
-@kernel
-def _put(k: int, at: int, d: int, terms: Terms, scratch: Scratch) -> None:
-    """Write what belongs to contact k in the place of contact `at`."""
-    scratch.slots[at] = scratch.slots[k]
-    terms.gap[at], terms.lever[at] = terms.gap[k], terms.lever[k]
-    terms.friction[at], terms.restitution[at] = terms.friction[k], terms.restitution[k]
-    for i in range(3 if is_skew(terms.skew) else 0):
-        terms.skew[at, i] = terms.skew[k, i]
-    for i in range(d):
-        terms.deformation[d * at + i] = terms.deformation[d * k + i]
-        for j in range(d):
-            terms.contact_stiffness[at, i, j] = terms.contact_stiffness[k, i, j]
-            terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
-        for j in range(terms.rows.shape[1]):
-            terms.rows[d * at + i, j] = terms.rows[d * k + i, j]
-    for i in range(4 if is_crowded(terms.entries) else 0):
-        terms.entries.rows[at, i] = terms.entries.rows[k, i]
 
 
 @kernel

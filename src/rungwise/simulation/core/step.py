@@ -16,10 +16,7 @@ from rungwise.contact.step import (
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.entries import Velocities
-from rungwise.models.limit import (
-    STIR,
-    limit_inertia,
-)
+from rungwise.models.limit import STIR, limit_inertia
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.chains import solve_scratch, start_scratch
 from rungwise.simulation.core.laws.poisson_impact import compress, end_impact, expand
@@ -67,12 +64,12 @@ def _solve_or_hold(trial: Trial) -> int:
     doubtful = status == SUPPORTED and (_starts(trial) if dynamic else _lands(trial))
     if (status == SUPPORTED or dynamic) and not doubtful:
         return status
-    pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
+    before, first = pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
     if first:
         copy(scratch.v_new, scratch.other[:-1])
     held = _solve_balanced(trial, True) == SUPPORTED
     if held and doubtful:
-        held = _is_still(trial, scratch.v_new) if dynamic else _pace(terms, scratch.v_new) <= SLOWER * pace
+        held = _is_still(trial, scratch.v_new) if dynamic else pace(terms, scratch.v_new) <= SLOWER * before
     if doubtful and not held:
         return _solve_balanced(trial, False)
     if held and first:
@@ -95,7 +92,7 @@ def _lands(trial: Trial) -> bool:
     """Whether something moves far faster than before, or than what is driven, to where open contacts stop it:
     it may have been held instead."""
     _, h, terms, contacts, state, scratch, _ = trial
-    now, before = _pace(terms, scratch.v_new), max(_pace(terms, state.v), _pace(terms, state.speed))
+    now, before = pace(terms, scratch.v_new), max(pace(terms, state.v), pace(terms, state.speed))
     if h * now <= STIR * terms.rounding[0] or now * SLOWER <= before:
         return False
     d = state.force.shape[1]
@@ -128,12 +125,12 @@ def _is_still(trial: Trial, v: Reals) -> bool:
 
 
 @kernel
-def _pace(terms: Terms, v: Reals) -> float:
+def pace(terms: Terms, v: Reals) -> float:
     """Greatest speed of a coordinate; an angle counts by its radius of gyration."""
-    pace = 0.0
+    fastest = 0.0
     for i in range(v.shape[0]):
-        pace = max(pace, abs(v[i]) * math.sqrt(terms.heft[i, METRIC]))
-    return pace
+        fastest = max(fastest, abs(v[i]) * math.sqrt(terms.heft[i, METRIC]))
+    return fastest
 
 
 @kernel

@@ -19,7 +19,7 @@ SINKING = 0.1
 the pair."""
 ROUNDING = 1e-12
 """Rounding of positions, over the extent of the scene, or the system's length."""
-DRIVEN = 2.0
+DRIVEN = 4.0
 """Displacement over the farthest of what is driven, from which on it may be a leap."""
 ACROSS = 1e-3
 """How far across the edge of the range of a pull a step ends that crosses it, over the range."""

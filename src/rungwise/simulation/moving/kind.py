@@ -52,6 +52,9 @@ class Kind:
         told: Any = stepper.inside
         told.pairs = self._pairs
 
+    def give_back(self) -> None:
+        """The run is over, and what it was made of may serve others."""
+
     def recall(self, core: Reals) -> None:
         """Go on as the run that handed this on. Raises ValueError where it is of another system."""
         assert self.stepper is not None

@@ -19,11 +19,13 @@ from typing import NamedTuple
 from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
-from rungwise.simulation.core.tolerances import MAX_HALVINGS, PAUSE, ROUNDING
+from rungwise.simulation.core.held import keep_near
+from rungwise.simulation.core.step import UNSOLVED, solve_step
+from rungwise.simulation.core.tolerances import MAX_HALVINGS, NEAR, PAUSE, ROUNDING
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.laws import tell_laws
 from rungwise.simulation.planar.state.memory import keep, restore
-from rungwise.simulation.planar.state.nearby import fastest_pair, lands, look
+from rungwise.simulation.planar.state.nearby import begin_step, fastest_pair, gather, lands, look
 from rungwise.simulation.planar.state.passing import thinnest
 from rungwise.simulation.planar.state.prescribed_speeds import set_speeds
 from rungwise.simulation.planar.state.verdicts import (
@@ -39,7 +41,7 @@ from rungwise.simulation.planar.state.verdicts import (
     withholds,
 )
 from rungwise.simulation.planar.state.ways import set_ways
-from rungwise.simulation.planar.state.workspace import State, Workspace
+from rungwise.simulation.planar.state.workspace import State, Workspace, trial_in
 from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.error_control import LEAPT, controlled_step, until_contact
@@ -65,11 +67,6 @@ from rungwise.system.terms import APART, METRIC
 
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
-STALLS, NOWHERE = 10, 0.2
-"""After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
-without solution, a step without solution by no more than that is a jam: what closes in between is closed."""
-BETWEEN = 3
-"""Steps as short that follow no step without solution, and that make up for one of these steps."""
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 
@@ -224,7 +221,6 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     cut = stop - clock.time < planned
     past, guarded = False, is_guarded(inputs, watched)
     before = until_margin(inputs, watched) if guarded else -math.inf
-    refused, nowhere = False, max(NOWHERE * control[0].tolerance, control[0].jam)
     if h > control[0].step or lasting:
         copy(state.values, watched.begun)
     if guarded or lasting:
@@ -275,14 +271,9 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                 verdict = judge(conditions, watched)
             clock.steps += 1
             clock.taken = h
-            short = h * max(moving, _fastest(records, rung, workspace)) < nowhere
-            stalls = refused and short
-            clock.stalled = stalled_after(clock.stalled, refused, short)
             clock.next = control[0].step if past else following
             if cut and following >= h and is_over(stop, clock.time, h):
                 clock.next = max(clock.next, planned)
-            if stalls:
-                clock.next = min(clock.next, 2.0 * h)
             if withholds(records, state):
                 clock.next = min(clock.next, control[0].step)
             if rung[0].compliant and has_sunk(records, state):
@@ -304,9 +295,8 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             clock.snapped = 1
             return MODEL_INVALID
         if status == REFUSED and moving > 0.0:
-            refused = True
             moved = h * max(moving, _fastest(records, rung, workspace))
-            if moved < control[0].jam or (clock.stalled >= BETWEEN * STALLS and moved < nowhere):
+            if moved < control[0].jam and _is_jammed(records, rung, workspace, h):
                 return JAMMED
         if status == UNDEFINED and h <= control[0].step:
             return INVALID
@@ -314,11 +304,16 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     return NOT_CONVERGED
 
 
-@inner_kernel
-def stalled_after(stalled: int, refused: bool, short: bool) -> int:
-    """How far a run is from a jam, after a step: `BETWEEN` for each short step in place of a longer one
-    without solution. Other short steps make up for these, and a step that is not short for all."""
-    return max(stalled + (BETWEEN if refused else -1), 0) if short else 0
+@rare_kernel
+def _is_jammed(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> bool:
+    """Whether a step of length h, linearised where it begins, has no solution by contacts alone that are
+    closed there or that driven motion closes in it; their problem is left in the workspace. One that closes
+    in just this step may leave it without solution, and the next step with one."""
+    begin_step(records, rung, workspace, h)
+    clock = workspace.state.clock[0]
+    contacts = gather(records, workspace)
+    clock.contacts = keep_near(trial_in(rung, h, contacts, workspace), NEAR * clock.reach)
+    return solve_step(trial_in(rung, h, clock.contacts, workspace)) == UNSOLVED
 
 
 @rare_kernel

@@ -25,16 +25,16 @@ from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.planar.state.nearby import begin_step, gather
 from rungwise.simulation.planar.state.verdicts import crushed
 from rungwise.simulation.planar.state.workspace import Workspace
-from rungwise.simulation.planar.step.leaps import solve_again
+from rungwise.simulation.planar.step.held import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
 from rungwise.simulation.reasons.remarks import advice, remarks, stillness, untouchable
 from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
 from rungwise.system.terms import normals_of, whole
 from rungwise.wording import listed
 
-JAM, CLOSER, LOOKS = 0.25, 0.1, 4
-"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
-where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+JAM = 0.25
+"""A step without solution counts as a jam when nothing would move in it by this part of the goal's
+tolerance."""
 HEAVIER = 1e3
 """Factor on the inertia that stands for none in the proof of a jam: it then makes up as much of the loads as
 in the heaviest step that counts as balanced."""
@@ -270,19 +270,6 @@ class Reasons:
             least = min(least, float(reach.max(initial=0.0)) or math.inf)
         return least
 
-    def looks_closer(self) -> bool:
-        """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
-        certificate; then the run is prepared for it.
-
-        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
-        """
-        clock, least = self.workspace.state.clock[0], JAM * CLOSER**LOOKS * self.control[0]["tolerance"]
-        if clock["outcome"] != Code.JAMMED or self.control[0]["jam"] * CLOSER < 0.99 * least:
-            return False
-        self.control["jam"] *= CLOSER
-        self._go_on()
-        return True
-
     def goes_on(self, balance: Balance) -> None:
         """Prepare the run to go on from a step without support, from the balance that its end names."""
         _, kept = self._unsupported()
@@ -298,7 +285,7 @@ class Reasons:
 
     def _unsupported(self) -> tuple[ContactProblem, np.ndarray[Any, np.dtype[np.bool_]]]:
         """The problem of the last step, which nothing supports, with the contacts alone that have to balance
-        the loads (see `simulation.planar.step.far_contacts`), and which those are (k,)."""
+        the loads (see `simulation.planar.step.held`), and which those are (k,)."""
         state, terms = self.workspace.state, self.workspace.terms
         n, contacts, limited = (int(state.clock[0][name]) for name in ("free", "contacts", "limited"))
         problem = trimmed(self.workspace.problem, self.workspace.terms, n, contacts, limited)

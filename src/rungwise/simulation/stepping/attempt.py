@@ -25,11 +25,12 @@ from rungwise.kernel import (
     record_type,
     system_kernel,
 )
-from rungwise.simulation.core.balance import ask_speeds, keep_near, pushes_far
+from rungwise.simulation.core.balance import ask_speeds
 from rungwise.simulation.core.crawl import FAR, INSOLUBLE, OVERLAPPING
+from rungwise.simulation.core.held import keep_near, pushes_far, vanishes
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
-from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR, SHORTER
+from rungwise.simulation.core.tolerances import DRIVEN, LINEARISATIONS, NEAR
 from rungwise.simulation.core.update_state import fill_pace, take_slots
 from rungwise.simulation.stepping.overlap import least_allowed, open_added
 from rungwise.simulation.watched.inputs import Inputs
@@ -243,16 +244,14 @@ def _walk(system: Any, s: Setting, h: float, way: float, reach: float) -> int:
         fill_terms(system, s, h, reach, True)
     far = way > max(2.0 * note.length, DRIVEN * driven)
     if far:
-        status = _solve(s, SHORTER * h)
-        if status == HALTED:
-            return status
-        moved = SHORTER * h * fastest(system, a.q, scratch.v_new)
-        vanishes = status == SUPPORTED and moved < 0.5 * way
-        if vanishes and way > DRIVEN * asked:
+        goes = vanishes(trial_of(s, h))
+        if scratch.halt[0] != 0:
+            return HALTED
+        if goes and way > DRIVEN * asked:
             note.outran, note.far, note.cause = 1, 0.5 * way, FAR
             copy(a.solved, a.v)
             return UNSOLVED
-        note.leaping = 0.0 if vanishes else 0.5 * way
+        note.leaping = 0.0 if goes else 0.5 * way
     if (far or lone) and _solve(s, h) == HALTED:
         return HALTED
     return SUPPORTED

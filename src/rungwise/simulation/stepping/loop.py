@@ -154,7 +154,8 @@ def run_step(system: Any, run: Loop) -> int:
             h, solved, looks = solved, 0.0, False
             continue
         if not is_taken(status):
-            clock.next = planned
+            clock.next, w.values[w.slots[TIME]] = planned, clock.time
+            show_inputs(inputs, w)
             return int(status)
         took, following = clock.tried, clock.next
         see(system, run, s.attempt.q, took)

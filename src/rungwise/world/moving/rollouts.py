@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms
+from rungwise.simulation.moving.samples import Ends, Sample, Sampled, Stop, Terms
 from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.stepping.record import WORK
 from rungwise.simulation.threads import BUDGET, threads_of
@@ -42,17 +42,17 @@ def rollout(
     options: dict[str, Any], *, keep: bool, budget: int | None, threads: int | None, chunk: int | None,
     deadline: Deadline, on_progress: Told | None,
 ) -> Kind:  # fmt: skip
-    """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them; `threads` are processes."""
+    """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them."""
     if RunOptions(**options).motion is not None:
         raise ModelError(f"motion: does not work for {runs.kind}")
     most = BUDGET if budget is None else count("budget", budget, 1)
-    processes = min(threads_of(threads), runs.most)
+    most_threads = min(threads_of(threads), runs.most)
     size = None if chunk is None else count("chunk", chunk, 1)
-    terms = Terms(scene, model, runs.make, options, most, keep, deadline)
+    terms = Terms(scene, model, runs.make, options, most, keep, Stop(), deadline)
     m = len(wanted.points)
     samples = {i: Sample(**wanted.options(scene, i)) for i in range(m) if i not in wanted.faults}
-    size = size or max(1, min(MOST, len(samples) // (PARTS * processes)))
-    found = sampled(terms, samples, m, processes, size, on_progress)
+    size = size or max(1, min(MOST, len(samples) // (PARTS * most_threads)))
+    found = sampled(terms, samples, m, most_threads, size, on_progress)
     faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
     ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
     return kind(

@@ -1,4 +1,4 @@
-"""Many runs of whatever moves, one after another or over processes that are kept (see
+"""Many runs of whatever moves, one after another or over threads (see
 `world.contract.Runs`)."""
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rungwise.deadline import NEVER, Deadline, TimeOver
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.memory import memory_parts
-from rungwise.simulation.moving.processes import (
+from rungwise.simulation.moving.samples import (
     Make,
     Sample,
     Sampled,
+    Stop,
     Terms,
     begin_samples,
     nothing,
-    run_samples,
     spread,
 )
 from rungwise.simulation.options import ModelError, RunOptions, count
@@ -37,9 +37,9 @@ from rungwise.world.rolled import Ended
 WAITS = 300
 """Steps for which a search waits."""
 MOST = 16
-"""Most runs that one task takes, so that processes that are done early take more; chosen by trial."""
+"""Most runs that one task takes, so that threads that are done early take more; chosen by trial."""
 PARTS = 4
-"""Tasks for each process."""
+"""Tasks for each thread."""
 FOLLOWED = (Segment({}, 1.0),)
 """Stands for the schedule that a run followed, or that it will follow from its start, whichever it is."""
 
@@ -50,7 +50,7 @@ def of_world(scene: StatedScene, model: Rung, **options: Any) -> Any:
 
 
 def sampled(
-    terms: Terms, samples: dict[int, Sample], m: int, processes: int, size: int, on_progress: Told | None
+    terms: Terms, samples: dict[int, Sample], m: int, threads: int, size: int, on_progress: Told | None
 ) -> list[Sampled]:
     """How m runs ended, of which those of these samples are made, `size` by one task; `on_progress` counts
     the others as done."""
@@ -64,14 +64,10 @@ def sampled(
         if on_progress is not None:
             on_progress(m - len(numbers) + done)
 
-    try:
-        for part in spread(run_samples, terms, parts, len(numbers), processes, look, terms.deadline):
-            for each in part:
-                found[numbers[done]] = each
-                done += 1
-    except TimeOver:
-        if not terms.deadline.is_over:
-            raise  # by what looks
+    for part in spread(terms, parts, threads, look):
+        for each in part:
+            found[numbers[done]] = each
+            done += 1
     look()
     return found
 
@@ -83,12 +79,12 @@ def columns(found: list[Sampled]) -> dict[str, Any]:
 
 
 class MovingRuns:
-    """Runs of a scene on one rung; options as of `World.runs`, but `threads` are processes."""
+    """Runs of a scene on one rung; options as of `World.runs`."""
 
     make: ClassVar[Make] = of_world
     kind: ClassVar[str] = "scenes of this world"
     most: ClassVar[int] = 1
-    """Most processes."""
+    """Most threads: a system in Python serves one."""
 
     def __init__(
         self, scene: StatedScene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
@@ -104,7 +100,7 @@ class MovingRuns:
         self.threads = min(threads_of(threads), self.most)
         most = BUDGET if budget is None else count("budget", budget, 1)
         self.budget = most if patience is None else patience * WAITS
-        self._terms = Terms(scene, model, type(self).make, options, self.budget, False)
+        self._terms = Terms(scene, model, type(self).make, options, self.budget, False, Stop())
         self._digest, self._values = digest(scene), memory_parts(scene).values
 
     def run(
@@ -119,7 +115,7 @@ class MovingRuns:
             if wrong is None or not wrong[i]
         }
         size = chunk or max(1, min(MOST, math.ceil(len(samples) / (PARTS * self.threads))))
-        terms = self._terms._replace(deadline=deadline, keeps=keeps)
+        terms = self._terms._replace(deadline=deadline, keeps=keeps, stop=Stop())
         found = sampled(terms, samples, len(points), self.threads, size, on_progress)
         return self._ran(found, begins=False)
 

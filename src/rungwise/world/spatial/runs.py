@@ -1,4 +1,4 @@
-"""Many runs of a scene in space, over processes that are kept (see `world.contract.Runs`)."""
+"""Many runs of a scene in space, over threads (see `world.contract.Runs`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.moving.processes import Make
+from rungwise.simulation.moving.samples import Make
 from rungwise.simulation.spatial.kept import kept_simulation, prepared
 from rungwise.world.moving.runs import MovingRuns
 from rungwise.world.spatial.place import forces_in
@@ -22,4 +22,4 @@ class SpatialRuns(MovingRuns):
     most: ClassVar[int] = os.cpu_count() or 1
 
     def forces_in(self, memory: Reals, parameters: dict[str, float]) -> Reals:
-        return forces_in(memory, self.scene, prepared(self.scene, parameters))
+        return forces_in(memory, self.scene, prepared(self.scene, parameters)[1])

@@ -21,7 +21,7 @@ from rungwise.system.terms import Terms
 CLOCK = record_type(
     core.COUNTS
     + " outcome contacts frames since stride bounces drives chooses leaper jumps lifts laws landed centred"
-    " lost stalled snapped refusal meets",
+    " lost snapped refusal meets",
     core.TIMES
     + " taken margin extent near least_gap reach smallest thin leap leap_time leap_step jump_time shake"
     " stray stray_time stray_step bend leaping",
@@ -39,11 +39,10 @@ ones (see `records.CONTACT`); `landed` is the contact at which one came down on
 another.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `midpoint_rows`); `lost` says
-that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
-the last steps that went nearly nowhere: up for each that stands in place of a longer one without solution,
-down for each other. `leaping` is how far the step that is tried moves bodies by what does not vanish with
-its length, and `snapped` says that such a motion ended the run (see `step.snaps`). `refusal` is what the last
-step was short for, and `meets` is the slot of the contact that ended one (see `step.blame`)."""
+that rows were those of the start, for a contact is no more at the end, or bodies settled. `leaping` is how
+far the step that is tried moves bodies by what does not vanish with its length, and `snapped` says that such
+a motion ended the run (see `step.held`). `refusal` is what the last step was short for, and `meets` is the
+slot of the contact that ended one (see `step.blame`)."""
 
 
 class State(core.State):

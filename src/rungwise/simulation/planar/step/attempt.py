@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.step import OPEN, has_column, place_in, span
-from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import approach
-from rungwise.scene.template.records import HINGE, SERVO, Records
+from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
-from rungwise.simulation.core.tolerances import EXACT, LINEARISATIONS, OVERLAP
+from rungwise.simulation.core.tolerances import DRIVEN, EXACT, LINEARISATIONS, OVERLAP
 from rungwise.simulation.core.update_state import accept_forces, account, end_velocity
 from rungwise.simulation.planar.state.memory import bring_back, remember
 from rungwise.simulation.planar.state.nearby import begin_step, fastest_pair, gather, look, widen
@@ -17,9 +17,8 @@ from rungwise.simulation.planar.state.passing import passes
 from rungwise.simulation.planar.state.verdicts import sense
 from rungwise.simulation.planar.state.workspace import Scratch, State, Workspace, trial_in
 from rungwise.simulation.planar.step.blame import blame
-from rungwise.simulation.planar.step.far_contacts import stands, strides
+from rungwise.simulation.planar.step.held import displacement, is_held
 from rungwise.simulation.planar.step.jumps import jumps
-from rungwise.simulation.planar.step.leaps import is_tiny, leaping
 from rungwise.simulation.planar.step.linearise import linearise, restart, take_back
 from rungwise.simulation.planar.step.midpoint_rows import (
     BENT,
@@ -32,7 +31,6 @@ from rungwise.simulation.planar.step.midpoint_rows import (
 )
 from rungwise.simulation.planar.step.opened_contacts import note_opened
 from rungwise.simulation.planar.step.preferred_motion import SUDDEN, choose_motion
-from rungwise.simulation.planar.step.snaps import is_coarse
 from rungwise.system.entries import rate
 from rungwise.system.moving import SLIP
 from rungwise.system.planar import joints
@@ -47,16 +45,10 @@ ABSORBED, PASSED, COARSE = 3, 4, 6
 ASKED, GREATEST = 0.1, 1e-2
 """Overlap, over the error allowed in a step, up to which one that is centred is not linearised again; under
 error control none is beyond this overlap over the smallest shape's reach."""
-LEAP = 8.0
-"""Motion of a servo that is followed exactly, over the smallest shape's reach. Above this a step in which it
-pushes or holds something is halved: where the target jumps, no step is short enough."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 ROUNDED = 1e-14
 """Rounding of the work of a contact, relative to its impulse times the speeds there."""
-SWIFT = 4.0
-"""Speed of a pushed body over the speed of a driven body, above which a rigid step that overlaps is halved
-and not linearised again: near a singular position the step would lead through whatever holds the body."""
 UNSEEN = 1e-3
 """Overlap without deformation where compliant bodies with momentum meet, over the error allowed in a step."""
 
@@ -96,19 +88,14 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if status == UNSUPPORTED:
             status = UNSUPPORTED if first else UNSOLVED
             break
-        if first and rung[0].inertia == 0.0 and rung[0].loads:
-            clock.leaping = leaping(records, rung, h, workspace)
-            if strides(rung, h, contacts, workspace) and not stands(records, rung, h, shortest, workspace):
-                status = COARSE if h > shortest else UNSUPPORTED
-                break
-            if is_coarse(records, rung, h, workspace):
-                status = COARSE
-                break
+        if first and _leaves_momentum_out(rung) and not is_held(records, rung, h, shortest, workspace):
+            status = COARSE if h > shortest else UNSUPPORTED
+            break
+        if rung[0].metric and _follows_far(records, h, contacts, workspace):
+            status = UNSOLVED
+            break
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
-            break
-        if rung[0].metric and _leaps(records, h, contacts, workspace):
-            status = UNSOLVED
             break
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
@@ -136,7 +123,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         )
         rows = SAME
         if first and clock.centred:
-            settles = is_tiny(h, terms) and (rung[0].compliant or clock.leaping > 0.0)
+            settles = clock.leaping > 0.0 or clock.leapt > 0.0
             rows = LOST if settles else compare_rows(records, h, terms.low[0], contacts, workspace)
             clock.lost = rows == LOST
         bent = rows == BENT
@@ -151,9 +138,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             return TAKEN
         if not fits and not rung[0].metric:
             worse = (not closed and not bent) or clock.least_gap < 0.5 * least or clock.bounced
-            thrown = not worse and _is_thrown(records, state, scratch.v_new)
-            bends = thrown and first and rung[0].inertia > 0.0 and not rung[0].compliant
-            if bends and take_back(h, contacts, workspace):
+            moved, driven = displacement(records, h, workspace)
+            thrown = not worse and rung[0].inertia > 0.0 and moved > DRIVEN * driven
+            if thrown and first and not rung[0].compliant and take_back(h, contacts, workspace):
                 least, first = clock.least_gap, False
                 continue
             if worse or thrown:
@@ -168,6 +155,12 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     if status in (ABSORBED, SUDDEN, PASSED, COARSE):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@inner_kernel
+def _leaves_momentum_out(rung: RecordArray) -> bool:
+    """Whether forces balance without inertia."""
+    return bool(rung[0].inertia == 0.0 and rung[0].loads)
 
 
 @kernel
@@ -236,32 +229,15 @@ def _is_finite(q: Reals) -> bool:
 
 
 @kernel
-def _is_thrown(records: Records, state: State, v: Reals) -> bool:
-    """Whether something moves far faster than all that is driven, by speeds or by servos."""
-    driven, free = 0.0, 0.0
-    for i in range(v.shape[0]):
-        speed = records.coordinates[i].lever * abs(v[i])
-        if state.prescribed[i] or records.coordinates[i].drive == SERVO:
-            driven = max(driven, speed)
-        else:
-            free = max(free, speed)
-    return free > SWIFT * driven
-
-
-@kernel
-def _leaps(records: Records, h: float, contacts: int, workspace: Workspace) -> bool:
-    """Whether a servo that is followed exactly moves something far in the step, and what it moves pushes or
-    holds something."""
-    state = workspace.state
-    clock, leaps = state.clock[0], False
+def _follows_far(records: Records, h: float, contacts: int, workspace: Workspace) -> bool:
+    """Whether a servo that is followed exactly moves something farther than the smallest shape in the step,
+    and with it what it pushes or holds: where its target jumps, no step is short enough."""
+    state, far = workspace.state, False
     for i in range(state.q.shape[0]):
         c = records.coordinates[i]
-        if c.drive == SERVO:
-            turns = records.bodies[c.body].motion == HINGE or i == records.bodies[c.body].coordinate + 2
-            lever = clock.reach if turns and clock.reach > 0.0 else 1.0
-            far = 4.0 * lever * h * abs(state.speed[i]) > LEAP * clock.smallest
-            leaps |= far and _takes_along(i, contacts, workspace)
-    return leaps
+        if c.drive == SERVO and h * c.lever * abs(state.speed[i]) > state.clock[0].smallest:
+            far |= _takes_along(i, contacts, workspace)
+    return far
 
 
 @rare_kernel

@@ -21,9 +21,8 @@ from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.step.blame import vote
 from rungwise.simulation.planar.step.extrapolate import extrapolate, flies, is_alike, is_pressed
-from rungwise.simulation.planar.step.leaps import is_tiny
+from rungwise.simulation.planar.step.held import snaps_on
 from rungwise.simulation.planar.step.midpoint_rows import meets
-from rungwise.simulation.planar.step.snaps import snaps
 from rungwise.simulation.planar.step.step_error import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.watched.inputs import Inputs
 from rungwise.system.planar.contact_manifold import VERTICES
@@ -83,8 +82,8 @@ def controlled_step(
     shortest = SOON * control[0].step
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
-        probed = clock.leapt > 0.0 or is_tiny(length, workspace.terms)
-        if probed and snaps(records, inputs, buffer, rung, workspace, length):
+        probed = clock.leapt > 0.0
+        if probed and snaps_on(records, inputs, buffer, rung, workspace, length):
             if part > 0:
                 restore(records, workspace)
             return (TOO_COARSE if h > shortest else LEAPT), h, 0.5 * h

@@ -1,18 +1,18 @@
-"""Many runs of whatever moves, one after another or over processes."""
+"""Many runs of whatever moves, one after another or over threads."""
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, wait
-from typing import Any, NamedTuple, TypeVar
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rungwise.deadline import NEVER, Deadline, TimeOver
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.stated import StatedScene
@@ -23,66 +23,41 @@ from rungwise.simulation.state import State
 from rungwise.simulation.stepping.stepper import Stepper
 from rungwise.simulation.turns import TURN_S
 
-FEW = 4
-"""So many runs are not worth the start of other processes; they are made in this one."""
-IDLE_S = 300.0
-"""How long other processes wait for work before they end. By default that is so short that they leave between
-two stages of a plan; where work comes just then, loky warns of it."""
-GROWTH = 4e9
-"""Bytes by which another process may grow: what it compiles stays in its memory, and loky takes more than
-0.3 GB for a leak."""
-LATE_S = 0.5
-"""How long other processes, which see themselves when the time is over, are waited for then."""
-_GROWTH = "LOKY_MAX_MEMORY_LEAK_SIZE"
 Make = Callable[..., MovingSimulation]
-"""Makes a run of a scene on a rung, with these options; what other processes are told has a name."""
+"""Makes a run of a scene on a rung, with these options."""
 Look = Callable[[], None]
 """What is called again and again while runs go on."""
-Job = TypeVar("Job")
-Part = TypeVar("Part")
-Made = TypeVar("Made")
 
 
-def spread(
-    function: Callable[..., Made], job: Job, parts: Sequence[Part], runs: int, processes: int, look: Look,
-    deadline: Deadline,
-) -> Iterator[Made]:  # fmt: skip
-    """What the function makes of each part, in their order; `runs`: how many there are in all parts. `look`
-    is called about ten times a second: in this process by the function, which it is given; what it raises
-    ends the work. Other processes are given up shortly after the deadline, by TimeOver."""
-    if processes == 1 or runs <= FEW or deadline.is_over:
-        return (_seen(function(job, part, look), look) for part in parts)
-    try:
-        from loky import get_reusable_executor
-    except ImportError:
-        raise InputError("threads: more than one process needs loky: pip install 'rungwise[space]'") from None
-    growth = os.environ.get(_GROWTH, str(GROWTH))
-    pool = get_reusable_executor(max_workers=processes, timeout=IDLE_S, env={_GROWTH: growth})
-    return _gathered([pool.submit(function, job, part) for part in parts], look, deadline)
+@dataclass
+class Stop:
+    """Ends runs in other threads: once it is set, no other begins, and those that go on are left where they
+    are."""
 
+    is_set: bool = False
+    cells: dict[int, Ints] = field(default_factory=dict)
 
-def _seen(made: Made, look: Look) -> Made:
-    look()
-    return made
+    @contextmanager
+    def watching(self, halt: Ints) -> Iterator[None]:
+        """Within the context, the cell (1,) is set with it."""
+        self.cells[id(halt)] = halt
+        halt[0] |= self.is_set
+        try:
+            yield
+        finally:
+            del self.cells[id(halt)]
 
-
-def _gathered(futures: list[Future[Made]], look: Look, deadline: Deadline) -> Iterator[Made]:
-    """What comes of futures, in their order."""
-    try:
-        for future in futures:
-            while not wait([future], timeout=TURN_S).done:
-                look()
-                if deadline.is_over_for(LATE_S):
-                    raise TimeOver("in other processes")
-            yield _seen(future.result(), look)
-    finally:
-        for future in futures:
-            future.cancel()
+    def set(self) -> None:
+        """End the runs."""
+        self.is_set = True
+        for halt in tuple(self.cells.values()):
+            halt[0] = 1
 
 
 class Terms(NamedTuple):
     """What all samples share: scene, rung, what makes their runs, options of these, most steps of one,
-    whether the states at the ends of segments are kept, and when runs that still go on are left so."""
+    whether the states at the ends of segments are kept, what stops them, and when runs that still go on are
+    left so."""
 
     scene: StatedScene
     model: Rung
@@ -90,6 +65,7 @@ class Terms(NamedTuple):
     options: dict[str, Any]
     budget: int
     keeps: bool
+    stop: Stop
     deadline: Deadline = NEVER
 
     def made(self, sample: Sample) -> MovingSimulation:
@@ -146,15 +122,33 @@ class Sampled(NamedTuple):
     fault: str = ""
 
 
-def run_samples(terms: Terms, samples: Sequence[Sample], look: Look | None = None) -> list[Sampled]:
-    """The runs, one after the other; none depends on earlier ones. `look` is called about ten times a second,
-    between steps."""
-    watch = None if look is None else _Watch(look)
+def spread(
+    terms: Terms, parts: Sequence[Sequence[Sample]], threads: int, look: Look
+) -> Iterator[list[Sampled]]:  # fmt: skip
+    """How the runs of each part ended, in their order, in so many threads. `look` is called in this thread,
+    about ten times a second; what it raises ends the work."""
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(run_samples, terms, part) for part in parts]
+        try:
+            for future in futures:
+                while not wait([future], timeout=TURN_S).done:
+                    look()
+                look()
+                yield future.result()
+        except BaseException:
+            terms.stop.set()
+            raise
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
+    """The runs, one after the other; none depends on earlier ones."""
 
     def run(terms: Terms, sample: Sample) -> Sampled:
-        return (
-            nothing(terms.scene, "", Code.RUNNING) if terms.deadline.is_over else _ran(terms, sample, watch)
-        )
+        left = terms.deadline.is_over or terms.stop.is_set
+        return nothing(terms.scene, "", Code.RUNNING) if left else _ran(terms, sample)
 
     return [_told(run, terms, sample) for sample in samples]
 
@@ -176,22 +170,12 @@ def _begun(terms: Terms, sample: Sample) -> Sampled:
     simulation = terms.made(sample)
     if simulation.stepper is None or simulation.outcome == Code.INVALID:
         return nothing(terms.scene, simulation.reason)
-    return _sampled(simulation, simulation.stepper, 0, 0.0, None)
+    found = _sampled(simulation, simulation.stepper, 0, 0.0, None)
+    simulation.give_back()
+    return found
 
 
-class _Watch:
-    """Looks again when some time has passed."""
-
-    def __init__(self, look: Look) -> None:
-        self._look, self._next = look, time.monotonic() + TURN_S
-
-    def look(self) -> None:
-        if time.monotonic() >= self._next:
-            self._look()
-            self._next = time.monotonic() + TURN_S
-
-
-def _ran(terms: Terms, sample: Sample, watch: _Watch | None) -> Sampled:
+def _ran(terms: Terms, sample: Sample) -> Sampled:
     simulation = terms.made(sample)
     stepper = simulation.stepper
     if stepper is None or simulation.outcome == Code.INVALID:
@@ -201,20 +185,20 @@ def _ran(terms: Terms, sample: Sample, watch: _Watch | None) -> Sampled:
     ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
     simulation.deadline = terms.deadline
     try:
-        with simulation.running(stepper):
+        with simulation.running(stepper), terms.stop.watching(stepper.scratch.halt):
             while simulation.outcome == Code.RUNNING and simulation.steps - begun < terms.budget:
                 simulation.deadline.look()
-                if watch is not None:
-                    watch.look()
                 simulation.take_some(terms.budget - (simulation.steps - begun))
                 if ends is not None:
                     ends.note()
         if simulation.outcome == Code.RUNNING:
             simulation.outcome = Code.NOT_CONVERGED
     except TimeOver:
-        if not terms.deadline.is_over:
-            raise  # by what looks
-    return _sampled(simulation, stepper, solved, worked, ends)
+        if not (terms.deadline.is_over or terms.stop.is_set):
+            raise
+    found = _sampled(simulation, stepper, solved, worked, ends)
+    simulation.give_back()
+    return found
 
 
 def _sampled(
