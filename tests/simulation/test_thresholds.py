@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.contact.step import NO_SPANS
 from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.update_state import take_slots
@@ -103,7 +104,12 @@ def test_a_step_to_a_contact_ends_a_little_short_of_it(monkeypatch: pytest.Monke
             v=np.array([rate]), speed=np.zeros(1), prescribed=np.zeros(1, bool), modes=np.zeros(1),
             clock=[clock],
         )  # fmt: skip
-        terms = SimpleNamespace(rows=np.ones((2, 1)), gap=np.array([gap]), rounding=np.zeros(1))
+        terms = SimpleNamespace(
+            entries=SimpleNamespace(rows=NO_SPANS),
+            rows=np.ones((2, 1)),
+            gap=np.array([gap]),
+            rounding=np.zeros(1),
+        )
         scratch = SimpleNamespace(slots=np.zeros(1, np.int64))
         workspace: Any = SimpleNamespace(state=state, terms=terms, scratch=scratch)
         rung = [SimpleNamespace(compliant=False, inertia=1.0)]

@@ -23,10 +23,10 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.linear import invert
-from rungwise.contact.step import ContactProblem
+from rungwise.contact.step import ContactProblem, span, stretch
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.entries import Velocities, fill_entries, take_entries
-from rungwise.system.entries import is_crowded, rate, spans
+from rungwise.system.entries import is_crowded, rate
 from rungwise.system.terms import JOINT, Terms
 
 
@@ -183,10 +183,12 @@ def lean(
     (eps = 1) contact forces vanish in the limit, and friction has no say in which motion that is.
     """
     for i in range(n):
+        low, high = stretch(terms.entries.matrices, free[i], len(wish))
         for j in range(n):
             a, b = free[i], free[j]
-            own = terms.metric[a, b] if rung[0].metric else eps / h * terms.inertia[a, b]
-            problem.c[i] += own * wish[b]
+            if low <= b < high:
+                own = terms.metric[a, b - low] if rung[0].metric else eps / h * terms.inertia[a, b - low]
+                problem.c[i] += own * wish[b]
     if eps == 1.0:
         for k in range(contacts):
             problem.mu[k] = 0.0
@@ -226,12 +228,13 @@ def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, e
 def _approach(r: int, d: int, g: float, terms: Terms, v: Reals, eps: float) -> tuple[float, float]:
     """The rate `g` of row r with that of the free coordinates, and the rate per time that loads cause."""
     entries, loaded = terms.entries, 0.0
-    place, columns = entries.place, spans(entries.rows, r // d)
+    place = entries.place
     for side in range(2):
-        for a in range(columns[2 * side], columns[2 * side + 1]):
+        first, end, shift = span(entries.rows, r // d, side, len(v))
+        for a in range(first, end):
             if place[a + 1] > place[a]:
-                g += terms.rows[r, a] * v[a]
-                loaded += terms.rows[r, a] * terms.fall[a] / eps if eps > 0.0 else 0.0
+                g += terms.rows[r, a - shift] * v[a]
+                loaded += terms.rows[r, a - shift] * terms.fall[a] / eps if eps > 0.0 else 0.0
     return g, loaded
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import diagonal, span
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import carried
-from rungwise.system.entries import is_crowded, is_free, number_free, rate, spans
+from rungwise.system.entries import is_crowded, is_free, number_free, rate
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
 LIMIT = 1e-8
@@ -118,7 +119,9 @@ def _load_rate(terms: Terms, n: int, free: Ints, pace: float) -> float:
 @kernel
 def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
     """Rate at which a coordinate's own springs and dampers stop the heaviest body."""
-    rate: float = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.heft[a, METRIC])
+    stretches = terms.entries.matrices
+    held = h * diagonal(terms.stiffness, stretches, a) + diagonal(terms.damping, stretches, a)
+    rate: float = held / (heaviest * terms.heft[a, METRIC])
     return rate
 
 
@@ -158,11 +161,12 @@ def _mobility_of_contact(r: int, d: int, terms: Terms, n: int, free: Ints) -> fl
     """As `_mobility`, of a row of a contact, by its entries where there are few."""
     if not is_crowded(terms.entries):
         return _mobility(terms.rows, r, terms, n, free)
-    total, (first, end, second, last) = 0.0, spans(terms.entries.rows, r // d)
-    for a in range(first, end):
-        total += terms.rows[r, a] ** 2 / terms.heft[a, METRIC] if is_free(terms.entries, a) else 0.0
-    for a in range(second, last):
-        total += terms.rows[r, a] ** 2 / terms.heft[a, METRIC] if is_free(terms.entries, a) else 0.0
+    total = 0.0
+    for side in range(2):
+        first, end, shift = span(terms.entries.rows, r // d, side, len(terms.load))
+        for a in range(first, end):
+            own = terms.rows[r, a - shift]
+            total += own * own / terms.heft[a, METRIC] if is_free(terms.entries, a) else 0.0
     return total
 
 
@@ -172,13 +176,11 @@ def _answer_of_contact(r: int, d: int, terms: Terms, n: int, free: Ints) -> floa
     if not is_crowded(terms.entries):
         return _answer(terms.rows, r, terms, n, free)
     greatest, mobility = 0.0, _mobility_of_contact(r, d, terms, n, free)
-    first, end, second, last = spans(terms.entries.rows, r // d)
-    for a in range(first, end):
-        if is_free(terms.entries, a):
-            greatest = max(greatest, abs(terms.rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
-    for a in range(second, last):
-        if is_free(terms.entries, a):
-            greatest = max(greatest, abs(terms.rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
+    for side in range(2):
+        first, end, shift = span(terms.entries.rows, r // d, side, len(terms.load))
+        for a in range(first, end):
+            if is_free(terms.entries, a):
+                greatest = max(greatest, abs(terms.rows[r, a - shift]) / math.sqrt(terms.heft[a, METRIC]))
     return greatest / mobility if mobility > 0.0 else 0.0
 
 

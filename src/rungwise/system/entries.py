@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 
 from rungwise.block import Block
+from rungwise.contact.step import NO_SPANS, NO_STRETCHES, Widths, span
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 CROWDED = 60
-"""Velocities from which on a step is taken by its entries, which is faster then."""
-
-Spans: TypeAlias = tuple[int, int, int, int]
-"""Two stretches of columns, first..end and first..end, the first before the second."""
+"""Velocities from which on a step is taken by its entries, which is faster then, and takes less memory."""
 
 
 class Entries(Block):
-    """Columns outside of which all is zero; arrays are empty where few bodies move, or no one says so.
+    """Columns outside of which all is zero (see `contact.step.spans`); arrays are empty where few bodies
+    move, or no one says so.
 
     rows (c, 4): spans of the rows of each contact; matrices (n, 2): the stretch of each row of inertia,
     metric, stiffness and damping; columns (c, 4) and couplings (n, 2): the same of W and H of the problem
@@ -31,15 +28,15 @@ class Entries(Block):
     place: Ints
 
 
-def allocate_entries(coordinates: int, contacts: int, crowded: bool) -> Entries:
-    """Entries that fill all columns, or, unless `crowded`, empty ones."""
-    n, c = (coordinates, contacts) if crowded else (0, 0)
+def allocate_entries(coordinates: int, contacts: int, widths: Widths | None) -> Entries:
+    """Entries in no column, or, without `widths`, empty ones."""
+    n, c = coordinates, contacts
     return Entries(
-        rows=np.zeros((c, 4), np.int64),
-        matrices=np.tile(np.array([0, n]), (n, 1)),
-        columns=np.zeros((c, 4), np.int64),
-        couplings=np.zeros((n, 2), np.int64),
-        place=np.zeros(n + 1 if crowded else 0, np.int64),
+        rows=np.zeros((c, 4), np.int64) if widths else NO_SPANS.copy(),
+        matrices=np.zeros((n, 2), np.int64) if widths else NO_STRETCHES.copy(),
+        columns=np.zeros((c, 4), np.int64) if widths else NO_SPANS.copy(),
+        couplings=np.zeros((n, 2), np.int64) if widths else NO_STRETCHES.copy(),
+        place=np.zeros(n + 1 if widths else 0, np.int64),
     )
 
 
@@ -55,20 +52,6 @@ def is_free(entries: Entries, i: int) -> bool:
 
 
 @inner_kernel
-def spans(table: Ints, k: int) -> Spans:
-    """The spans of contact k."""
-    return table[k, 0], table[k, 1], table[k, 2], table[k, 3]
-
-
-@inner_kernel
-def stretch(entries: Entries, i: int, n: int) -> tuple[int, int]:
-    """First column and end of what row i of a matrix of n columns has."""
-    if is_crowded(entries):
-        return entries.matrices[i, 0], entries.matrices[i, 1]
-    return 0, n
-
-
-@inner_kernel
 def set_spans(table: Ints, k: int, first: int, end: int, second: int, last: int) -> None:
     """Set the spans of contact k, of which the lesser comes first."""
     if second < first:
@@ -77,46 +60,24 @@ def set_spans(table: Ints, k: int, first: int, end: int, second: int, last: int)
 
 
 @inner_kernel
-def fill_span(entries: Entries, k: int, n: int) -> None:
-    """Let contact k have entries anywhere."""
-    if is_crowded(entries):
-        set_spans(entries.rows, k, 0, n, n, n)
-
-
-@inner_kernel
-def clear_spans(columns: Ints, k: int, directions: int, rows: Reals) -> None:
-    """Let the rows of contact k be zero in its two spans of `columns` (k, 4)."""
-    first, end, second, last = spans(columns, k)
-    for r in range(directions * k, directions * k + directions):
-        for i in range(first, end):
-            rows[r, i] = 0.0
-        for i in range(second, last):
-            rows[r, i] = 0.0
-
-
-@inner_kernel
 def clear_rows(entries: Entries, k: int, directions: int, rows: Reals) -> None:
-    """Let the rows of contact k, which has so many directions, be zero."""
-    if is_crowded(entries):
-        clear_spans(entries.rows, k, directions, rows)
-    else:
+    """Let the rows of contact k, which has so many directions and knows its spans, be zero."""
+    n = rows.shape[1]
+    for side in range(2):
+        first, end, shift = span(entries.rows, k, side, n)
         for r in range(directions * k, directions * k + directions):
-            rows[r, :] = 0.0
+            for j in range(first, end):
+                rows[r, j - shift] = 0.0
 
 
 @inner_kernel
 def rate(entries: Entries, rows: Reals, r: int, directions: int, v: Reals) -> float:
-    """rows[r] . v, where row r belongs to a contact of so many directions."""
+    """Row r times v, where the row belongs to a contact of so many directions."""
     total = 0.0
-    if is_crowded(entries):
-        a, b, c, d = spans(entries.rows, r // directions)
-        for i in range(a, b):
-            total += rows[r, i] * v[i]
-        for i in range(c, d):
-            total += rows[r, i] * v[i]
-    else:
-        for i in range(v.shape[0]):
-            total += rows[r, i] * v[i]
+    for side in range(2):
+        first, end, shift = span(entries.rows, r // directions, side, len(v))
+        for j in range(first, end):
+            total += rows[r, j - shift] * v[j]
     return total
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
+from rungwise.contact.step import Widths
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
-from rungwise.system.terms import Terms
+from rungwise.system.terms import Terms, whole
 
 SLIP = 0.25
 """Relative motion of a pair, or overlap on the way, as a part of its thickness (the sum of both widths), that
@@ -92,7 +93,8 @@ class FurtherLaws(Protocol):
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
-    each other before one can be through the other; whether terms say where their entries are; further laws of
+    each other before one can be through the other; the widths of entries where
+    terms say where they are, and keep no others; further laws of
     its contacts, None where they have none; whether friction may differ by direction; and how many contacts
     may be within reach at once, None where as many as there are slots."""
 
@@ -103,7 +105,7 @@ class Size:
     limited: int
     length: float
     thin: float = math.inf
-    crowded: bool = False
+    widths: Widths | None = None
     laws: FurtherLaws | None = None
     skewed: bool = False
     at_once: int | None = None
@@ -164,4 +166,4 @@ def fall_freely(terms: Terms, speeds: Reals) -> None:
     """Fill in `fall` from M and the load, by a dense solution, where `speeds` (n_v,) are nan."""
     free = np.flatnonzero(np.isnan(speeds))
     terms.fall[:] = 0.0
-    terms.fall[free] = np.linalg.solve(terms.inertia[np.ix_(free, free)], terms.load[free])
+    terms.fall[free] = np.linalg.solve(whole(terms, terms.inertia)[np.ix_(free, free)], terms.load[free])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
+from rungwise.contact.step import Widths, whole_matrix, whole_rows
 from rungwise.system.entries import Entries, allocate_entries
 
 DRIVE, SUPPORT, JOINT = 0, 1, 2
@@ -54,7 +55,8 @@ class Terms(Block):
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     low        (1,)      height: an approach after which loads let nothing bounce higher is rest
-    entries              where rows and matrices of many bodies have entries
+    entries              where rows and matrices of many bodies have entries: these alone are kept then, of
+                         `rows`, inertia, metric, stiffness and damping, as `contact.step.spans` says
     """
 
     inertia: NDArray[np.float64]
@@ -92,24 +94,25 @@ def allocate_terms(
     contacts: int,
     limited: int,
     directions: int = 2,
-    crowded: bool = False,
+    widths: Widths | None = None,
     surfaces: dict[str, NDArray[np.float64]] | None = None,
     skewed: bool = False,
 ) -> Terms:
-    """Zeroed terms for at most so many contacts and force-limited rows; `crowded`: with places of entries;
-    `surfaces`: exact and pressures, of which there are none by default; `skewed`:
+    """Zeroed terms for at most so many contacts and force-limited rows; with `widths` of the entries that are
+    kept; `surfaces`: exact and pressures, of which there are none by default; `skewed`:
     friction may differ by direction."""
     n, c, d, b = coordinates, contacts, directions, limited
+    wide = Widths(n, n) if widths is None else widths
     return Terms(
-        inertia=np.zeros((n, n)),
-        metric=np.zeros((n, n)),
-        stiffness=np.zeros((n, n)),
-        damping=np.zeros((n, n)),
+        inertia=np.zeros((n, wide.matrices)),
+        metric=np.zeros((n, wide.matrices)),
+        stiffness=np.zeros((n, wide.matrices)),
+        damping=np.zeros((n, wide.matrices)),
         heft=np.zeros((n, 2)),
         load=np.zeros(n),
         fall=np.zeros(n),
         gap=np.zeros(c),
-        rows=np.zeros((c * d, n)),
+        rows=np.zeros((c * d, wide.rows)),
         lever=np.ones(c),
         friction=np.zeros(c),
         restitution=np.zeros(c),
@@ -127,5 +130,22 @@ def allocate_terms(
         rounding=np.zeros(1),
         pause=np.zeros(1),
         low=np.zeros(1),
-        entries=allocate_entries(n, c, crowded),
+        entries=allocate_entries(n, c, widths),
     )
+
+
+def rows_of(terms: Terms, contacts: int) -> NDArray[np.float64]:
+    """A dense copy (c, d, n) of the rows of the first contacts."""
+    d, n = terms.contact_stiffness.shape[1], len(terms.load)
+    rows = whole_rows(terms.rows[: contacts * d], terms.entries.rows, d, n)
+    return rows.reshape(contacts, d, n)
+
+
+def whole(terms: Terms, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A dense copy (n, n) of one of the matrices."""
+    return whole_matrix(matrix, terms.entries.matrices, len(terms.load))
+
+
+def normals_of(terms: Terms, contacts: int) -> NDArray[np.float64]:
+    """A dense copy (c, n) of the normal rows of the first contacts."""
+    return rows_of(terms, contacts)[:, 0]

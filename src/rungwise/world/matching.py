@@ -15,7 +15,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.system.terms import Terms
+from rungwise.system.terms import Terms, normals_of, whole
 
 STIFFNESS, DAMPING, BOUNCE, TURN = "match_stiffness", "match_damping", "match_bounce_{}", "match_inertia_{}"
 """Parameters of a matched scene: factors of all stiffnesses and dampings, restitution of each contact, and
@@ -92,8 +92,8 @@ def alike(bounce: float, damping: float, stiffness: float, mass: float) -> Alike
     return Alike(restitution(ratio), damping, ratio)
 
 
-def flexibility(terms: Terms, row: int, free: Ints) -> float:
-    """How far a unit of impulse along a row moves the free velocities along it: one over the mass that a
-    contact feels, without friction."""
-    normal: Reals = terms.rows[row, free]
-    return float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
+def flexibility(terms: Terms, contact: int, free: Ints) -> float:
+    """How far a unit of impulse along the normal of a contact moves the free velocities along it: one over
+    the mass that it feels, without friction."""
+    normal: Reals = normals_of(terms, contact + 1)[contact, free]
+    return float(normal @ np.linalg.solve(whole(terms, terms.inertia)[np.ix_(free, free)], normal))

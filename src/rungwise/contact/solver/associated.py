@@ -18,6 +18,7 @@ import numpy as np
 from rungwise.contact.kinds.associated import KIND as ASSOCIATED
 from rungwise.contact.solver.step import solve_groups
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
+from rungwise.contact.step.spans import diagonal, span
 from rungwise.contact.step.status import SOLVED
 from rungwise.kernel import Ints, allocating_kernel, kernel
 
@@ -43,7 +44,7 @@ def start_associated(
     `halt` (1,) is set. `surfaces`, `columns` and `couplings`: see `solve_groups`."""
     n, contacts, d = sizes.n, sizes.contacts, problem.R.shape[1]
     p, slip = problem, np.zeros(contacts)
-    offset, pace = p.w[: d * contacts].copy(), _pace(p, n, contacts)
+    offset, pace = p.w[: d * contacts].copy(), _pace(p, n, contacts, columns, couplings)
     for r in range(len(unknowns.force)):
         unknowns.force[r] = 0.0
     for i in range(n):
@@ -58,7 +59,7 @@ def start_associated(
             break
         change, greatest = 0.0, p.quantum[0]
         for k in range(contacts):
-            s = _slip(p, k, n, unknowns) if unknowns.force[d * k] > 0.0 else 0.0
+            s = _slip(p, k, n, columns, unknowns) if unknowns.force[d * k] > 0.0 else 0.0
             change, greatest = max(change, abs(s - slip[k])), max(greatest, s)
             slip[k] = s
         if greatest <= STILL * pace or change <= SETTLED * greatest:
@@ -69,26 +70,30 @@ def start_associated(
 
 
 @kernel
-def _slip(p: ContactProblem, k: int, n: int, unknowns: Unknowns) -> float:
+def _slip(p: ContactProblem, k: int, n: int, columns: Ints, unknowns: Unknowns) -> float:
     """Speed of slip of contact k."""
     d, total = p.R.shape[1], 0.0
     for r in range(d * k + 1, d * k + d):
         s = p.w[r]
         for j in range(d):
             s += p.R[k, r - d * k, j] * unknowns.force[d * k + j]
-        for i in range(n):
-            s += p.W[r, i] * unknowns.v[i]
+        for side in range(2):
+            first, end, shift = span(columns, k, side, n)
+            for i in range(first, end):
+                s += p.W[r, i - shift] * unknowns.v[i]
         total += s * s
     return math.sqrt(total)
 
 
 @kernel
-def _pace(p: ContactProblem, n: int, contacts: int) -> float:
+def _pace(p: ContactProblem, n: int, contacts: int, columns: Ints, couplings: Ints) -> float:
     """Greatest rate of a contact that loads alone cause, or that is demanded."""
-    pace = 0.0
-    for r in range(p.R.shape[1] * contacts):
+    pace, d = 0.0, p.R.shape[1]
+    for r in range(d * contacts):
         rate = abs(p.w[r])
-        for i in range(n):
-            rate += abs(p.W[r, i] * p.c[i]) / p.H[i, i]
+        for side in range(2):
+            first, end, shift = span(columns, r // d, side, n)
+            for i in range(first, end):
+                rate += abs(p.W[r, i - shift] * p.c[i]) / diagonal(p.H, couplings, i)
         pace = max(pace, rate)
     return pace

@@ -24,6 +24,7 @@ from rungwise.contact.step.problem import (
     Sizes,
     Surfaces,
 )
+from rungwise.contact.step.spans import span, stretch
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 LAW = 4
@@ -130,15 +131,15 @@ def count_groups(
     d, filled, touched, entries, groups = p.R.shape[1], 0, 0, 0, contacts
     most = d if contacts > 0 else 1
     for i in range(n):
-        low, high = _stretch(couplings, i, n)
+        low, high = stretch(couplings, i, n)
         for j in range(low, high):
-            filled += 1 if p.H[i, j] != 0.0 else 0
+            filled += 1 if p.H[i, j - low] != 0.0 else 0
     for k in range(contacts):
         width = 0
         for side in range(2):
-            low, high = _span(columns, couplings, k, side, n)
+            low, high, shift = span(columns, k, side, n)
             for j in range(low, high):
-                width += 1 if _touches(p.W, d * k, d * k + d, j) else 0
+                width += 1 if _touches(p.W, d * k, d * k + d, j - shift) else 0
         touched, entries = touched + width, entries + d * width
     for r in range(limited):
         size = _shared(surface, r, limited)
@@ -162,34 +163,41 @@ def fill_groups(
     g: Groups,
 ) -> None:
     """The groups of a step's problem: contacts of the kind `law`, then limited rows, of which those of one
-    surface share a force. Contact k has entries in the columns of two spans, `columns` (k, 4), a row of H in
-    the stretch `couplings` (n, 2), or anywhere, where these are empty."""
+    surface share a force. The problem keeps what W has in the spans `columns` (k, 4), and H in the stretches
+    `couplings` (n, 2), or all, where these are empty (see `step.spans`)."""
     n, contacts, limited = sizes
     surface = surfaces.number
     d, at = p.R.shape[1], 0
     g.noise[0] = p.quantum[0]
     g.H_first[0] = g.row[0] = g.first[0] = g.entry[0] = 0
     for i in range(n):
-        low, high = _stretch(couplings, i, n)
+        low, high = stretch(couplings, i, n)
         for j in range(low, high):
-            if p.H[i, j] != 0.0:
-                g.H_column[at], g.H[at] = j, p.H[i, j]
+            if p.H[i, j - low] != 0.0:
+                g.H_column[at], g.H[at] = j, p.H[i, j - low]
                 at += 1
-        g.H_first[i + 1], g.c[i], g.diagonal[i] = at, p.c[i], p.H[i, i]
+        g.H_first[i + 1], g.c[i], g.diagonal[i] = at, p.c[i], p.H[i, i - low]
     for k in range(contacts):
         g.kind[k], g.law[k, 0], g.law[k, 1] = law, p.mu[k], 0.0
-        at = g.first[k]
+        at = middle = g.first[k]
         for side in range(2):
-            low, high = _span(columns, couplings, k, side, n)
+            low, high, shift = span(columns, k, side, n)
+            middle = at
             for j in range(low, high):
-                if _touches(p.W, d * k, d * k + d, j):
+                if _touches(p.W, d * k, d * k + d, j - shift):
                     g.column[at] = j
                     at += 1
         _close(g, k, d, at)
         for i in range(d):
             row = g.row[k] + i
             g.w[row], g.origin[row], g.force[row] = p.w[k * d + i], k * d + i, 1.0
-            _fill(g, k, i, p.W[k * d + i], 1.0)
+            at = g.entry[k] + i * (g.first[k + 1] - g.first[k])
+            for side in range(2):
+                _, _, shift = span(columns, k, side, n)
+                first, end = (g.first[k], middle) if side == 0 else (middle, g.first[k + 1])
+                for e in range(first, end):
+                    g.W[at] = p.W[k * d + i, g.column[e] - shift]
+                    at += 1
             for j in range(d):
                 g.R[k, i, j] = p.R[k, i, j]
     count = contacts
@@ -233,19 +241,6 @@ def _take_surface(surfaces: Surfaces, r: int, radius: float, g: Groups, k: int) 
             g.law[k, pressure.COS] = surfaces.exact[m, EXACT_COS]
             g.law[k, pressure.SIN] = surfaces.exact[m, EXACT_SIN]
             g.law[k, pressure.BEGIN] = surfaces.exact[m, EXACT_BEGIN]
-
-
-@inner_kernel
-def _stretch(couplings: Ints, i: int, n: int) -> tuple[int, int]:
-    return (couplings[i, 0], couplings[i, 1]) if len(couplings) > 0 else (0, n)
-
-
-@inner_kernel
-def _span(columns: Ints, couplings: Ints, k: int, side: int, n: int) -> tuple[int, int]:
-    """One of the two spans of columns of contact k."""
-    if len(couplings) > 0:
-        return columns[k, 2 * side], columns[k, 2 * side + 1]
-    return (0, n) if side == 0 else (n, n)
 
 
 @inner_kernel

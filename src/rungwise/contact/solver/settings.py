@@ -18,7 +18,7 @@ GUESSES, STEPS, PROBLEMS, LENGTHS = 3, 20, 60, 8
 """Newton steps of the first guess, of a proximal problem, proximal problems, and lengths of a step that a
 line search tries."""
 NEWTON_STEPS = 10_000
-"""Newton steps at most, with all starts of all islands."""
+"""Newton steps of an island at most, with all starts."""
 STARTS, GIVEN = 4, 2
 """Starts at most; and those from what is given, before those from the ends of paths."""
 HELD = 3

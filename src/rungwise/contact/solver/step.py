@@ -23,6 +23,7 @@ from rungwise.contact.solver.settings import NEWTON_STEPS, WIDE
 from rungwise.contact.solver.solve import BY_ITERATE, measure, rests, set_pace, solve
 from rungwise.contact.step.modes import clear
 from rungwise.contact.step.problem import ContactProblem, Sizes, Surfaces, Unknowns
+from rungwise.contact.step.spans import diagonal
 from rungwise.contact.step.status import GUESS, NO_SOLUTION, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
@@ -42,13 +43,13 @@ def solve_groups(
     what answered, Newton steps), where the contacts are of the kind `law`. It ends without an answer when
     halt (1,) is set. `surfaces`, `columns` and `couplings`: see `fill_groups`."""
     for i in range(sizes.n):
-        if not p.H[i, i] > 0.0:
+        if not diagonal(p.H, couplings, i) > 0.0:
             return NO_SOLUTION, math.inf, GUESS, 0
     whole = count_groups(p, sizes, surfaces, columns, couplings)
     reals, integers = np.empty(reals_of(whole)), np.empty(integers_of(whole), np.int64)
     n, members, d = whole.n, whole.n + whole.groups, p.R.shape[1]
     scratch, room = np.empty(2 * members + 2 * n, np.int64), np.empty(room_of(whole))
-    count, numbers = np.array([0, 0, 0, NEWTON_STEPS]), surfaces.pressures
+    count, numbers = np.zeros(4, np.int64), surfaces.pressures
     order = np.empty(members, np.int64)
     apart = _begin(p, sizes, law, surfaces, columns, couplings, reals, integers, whole, scratch)
     part, own_reals, own_integers, worst = whole, reals, integers, 0.0
@@ -58,6 +59,7 @@ def solve_groups(
     for which in range(apart):
         if apart > 1:
             part = cut_island(reals, integers, whole, numbers, scratch, which, own_reals, own_integers)
+        count[3] = count[0] + NEWTON_STEPS
         stays, found = _rest(
             own_reals, own_integers, part, numbers, scratch, room, order, unknowns, sizes, rows
         )

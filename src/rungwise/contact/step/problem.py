@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
+from rungwise.contact.step.spans import NO_SPANS, NO_STRETCHES, Widths, whole_matrix, whole_rows
 from rungwise.kernel import Ints, Reals
 
 
@@ -29,6 +30,7 @@ class ContactProblem(Block):
     H (n, n) symmetric positive definite; c (n,); W (k d, n); R (k, d, d); w (k d,); mu (k,);
     S (b, n); R_s (b,); w_s (b,); F (b,). Units: H is force per velocity, lambda and tau are forces.
     quantum (1,): the velocity that rounding of positions amounts to over the step; smaller ones are noise.
+    Of many velocities H and W keep their entries alone, in spans that are told beside (see `step.spans`).
     """
 
     H: NDArray[np.float64]
@@ -99,13 +101,16 @@ def matrix_size(n: int, contacts: int, limited: int) -> int:
     return n + 2 * contacts + limited + SPARE
 
 
-def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -> ContactProblem:
-    """Zeroed problem for at most so many rows."""
-    d = directions
+def allocate_problem(
+    n: int, contacts: int, limited: int, directions: int = 2, widths: Widths | None = None
+) -> ContactProblem:
+    """Zeroed problem for at most so many rows; with `widths` what H and W have in these columns is kept (see
+    `step.spans`)."""
+    d, wide = directions, Widths(n, n) if widths is None else widths
     return ContactProblem(
-        H=np.zeros((n, n)),
+        H=np.zeros((n, wide.matrices)),
         c=np.zeros(n),
-        W=np.zeros((contacts * d, n)),
+        W=np.zeros((contacts * d, wide.rows)),
         R=np.zeros((contacts, d, d)),
         w=np.zeros(contacts * d),
         mu=np.zeros(contacts),
@@ -117,15 +122,23 @@ def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -
     )
 
 
-def trim(problem: ContactProblem, n: int, contacts: int, limited: int) -> ContactProblem:
-    """A copy of the rows in use."""
+def trim(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    spans: Ints = NO_SPANS,
+    stretches: Ints = NO_STRETCHES,
+) -> ContactProblem:
+    """A dense copy of the rows in use, of a problem that keeps what W has in these spans, and H in these
+    stretches."""
     p = problem
     d = p.R.shape[1]
     k = contacts * d
     return ContactProblem(
-        H=p.H[:n, :n].copy(),
+        H=whole_matrix(p.H[:n], stretches, n),
         c=p.c[:n].copy(),
-        W=p.W[:k, :n].copy(),
+        W=whole_rows(p.W[:k], spans, d, n),
         R=p.R[:contacts].copy(),
         w=p.w[:k].copy(),
         mu=p.mu[:contacts].copy(),

@@ -172,6 +172,8 @@ def touching_pairs(model: mujoco.MjModel) -> Ints:
     fits = (m.geom_contype[a] & m.geom_conaffinity[b]) | (m.geom_contype[b] & m.geom_conaffinity[a])
     chosen = moves & ~is_excluded & (fits != 0)
     named = np.sort(np.stack([m.pair_geom1, m.pair_geom2]), axis=0).astype(np.int64)
+    if named.size == 0:  # all are in order, and to find out takes long where geoms are many
+        return np.stack([a[chosen], b[chosen]], axis=1)
     numbers = np.unique(np.append(a[chosen] * count + b[chosen], named[0] * count + named[1]))
     return np.stack(np.divmod(numbers, max(count, 1)), axis=1)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import diagonal, stretch
 from rungwise.kernel import Reals, kernel, rare_kernel
 from rungwise.models.limit import STIR, greatest_load, noticed_load
 from rungwise.simulation.core.state import Trial
-from rungwise.system.entries import stretch
 from rungwise.system.terms import METRIC
 
 _ROUNDING = 1e-6
@@ -28,11 +28,12 @@ def is_balanced(trial: Trial, unbalanced: float) -> bool:
         a = state.free[i]
         load = noticed_load(terms, a, force, acceleration, _ROUNDING)
         left, resisted = 0.0, 0.0
-        low, high = stretch(terms.entries, a, state.v.shape[0])
+        low, high = stretch(terms.entries.matrices, a, state.v.shape[0])
         for b in range(low, high):
             if not state.prescribed[b]:
-                left += clock.eps / h * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
-                resisted += abs((h * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
+                left += clock.eps / h * terms.inertia[a, b - low] * (scratch.v_new[b] - state.wish[b])
+                held = h * terms.stiffness[a, b - low] + terms.damping[a, b - low]
+                resisted += abs(held * scratch.v_new[b])
         for r in range(clock.limited):
             if math.isfinite(terms.limit[r]):
                 resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
@@ -50,12 +51,14 @@ def _passed_on(trial: Trial, unbalanced: float, a: int) -> float:
     left of motion against the others is negligible where its own spring, damper or servo holds it."""
     h, terms, state, clock = trial.h, trial.terms, trial.state, trial.state.clock[0]
     held = _held(trial, a)
-    if clock.eps / h * terms.inertia[a, a] > unbalanced * held:
+    low, high = stretch(terms.entries.matrices, a, len(state.v))
+    if clock.eps / h * terms.inertia[a, a - low] > unbalanced * held:
         return _tied_to(trial, a)
     asked: float = held * STIR * terms.rounding[0] / (h * math.sqrt(terms.heft[a, METRIC]))
     for b in state.free[: clock.free]:
-        if b != a:
-            asked += abs(terms.inertia[a, b]) / terms.inertia[b, b] * _borne(trial, b)
+        if b != a and low <= b < high:
+            own = diagonal(terms.inertia, terms.entries.matrices, b)
+            asked += abs(terms.inertia[a, b - low]) / own * _borne(trial, b)
     return asked
 
 
@@ -97,7 +100,7 @@ def _pass_on(trial: Trial, r: int, passed: Reals) -> None:
 def _borne(trial: Trial, b: int) -> float:
     """Force of the load, and of the own springs, dampers, servos and dry friction, on coordinate b."""
     terms, scratch = trial.terms, trial.scratch
-    own = trial.h * terms.stiffness[b, b] + terms.damping[b, b]
+    own = _yielding(trial, b)
     force: float = abs(terms.load[b]) + abs(own * scratch.v_new[b])
     for r in range(trial.state.clock[0].limited):
         if math.isfinite(terms.limit[r]):
@@ -106,11 +109,18 @@ def _borne(trial: Trial, b: int) -> float:
 
 
 @rare_kernel
+def _yielding(trial: Trial, a: int) -> float:
+    """Force per speed of coordinate a, by its own springs and dampers."""
+    terms, stretches = trial.terms, trial.terms.entries.matrices
+    return trial.h * diagonal(terms.stiffness, stretches, a) + diagonal(terms.damping, stretches, a)
+
+
+@rare_kernel
 def _held(trial: Trial, a: int) -> float:
     """Force per speed of coordinate a, by its own springs, dampers, and servos that are within their
     limits."""
-    h, terms, state = trial.h, trial.terms, trial.state
-    held: float = h * terms.stiffness[a, a] + terms.damping[a, a]
+    terms, state = trial.terms, trial.state
+    held: float = _yielding(trial, a)
     for r in range(state.clock[0].limited):
         held += terms.limited[r, a] ** 2 * _gain(trial, r)
     return held

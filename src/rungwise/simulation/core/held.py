@@ -10,14 +10,14 @@ is in balance after one step, or it goes on (von Mises' truss).
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, SOLVED
+from rungwise.contact.step import OPEN, SOLVED, stretch
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.limit import LIMIT
 from rungwise.simulation.core.balance import is_balanced
 from rungwise.simulation.core.state import Scratch, Trial
 from rungwise.simulation.core.step import SUPPORTED, UNSUPPORTED, pace, solve_assembled, solve_step
 from rungwise.simulation.core.tolerances import SHORTER
-from rungwise.system.entries import fill_span, rate
+from rungwise.system.entries import is_crowded, rate
 from rungwise.system.skew import is_skew
 from rungwise.system.terms import Terms
 
@@ -70,7 +70,8 @@ def _put(k: int, at: int, d: int, terms: Terms, scratch: Scratch) -> None:
             terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
         for j in range(terms.rows.shape[1]):
             terms.rows[d * at + i, j] = terms.rows[d * k + i, j]
-    fill_span(terms.entries, at, terms.rows.shape[1])
+    for i in range(4 if is_crowded(terms.entries) else 0):
+        terms.entries.rows[at, i] = terms.entries.rows[k, i]
 
 
 @rare_kernel
@@ -102,10 +103,13 @@ def _is_bound_by_inertia(trial: Trial) -> bool:
     clock, whole = state.clock[0], pace(terms, scratch.v_new)
     more = (1.0 / SHORTER - 1.0) * clock.eps / h
     for i in range(clock.free):
-        for b in range(state.v.shape[0]):
-            problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
-        for j in range(clock.free):
-            problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
+        a = state.free[i]
+        first, end = stretch(terms.entries.matrices, a, state.v.shape[0])
+        for b in range(first, end):
+            problem.c[i] -= more * terms.inertia[a, b - first] * state.speed[b]
+        low, high = stretch(terms.entries.couplings, i, clock.free)
+        for j in range(low, high):
+            problem.H[i, j - low] += more * terms.inertia[a, state.free[j] - first]
     solved = solve_assembled(trial, False) == SOLVED
     for i in range(clock.free):
         scratch.v_new[state.free[i]] = scratch.x[i]

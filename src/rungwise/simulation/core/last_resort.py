@@ -6,11 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.judge import Certificate
-from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
+from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts
 from rungwise.deadline import Deadline
+from rungwise.models.entries import trimmed
 from rungwise.simulation.core.limit_surface import in_boxes
 from rungwise.simulation.core.state import Scratch, State, Trial
-from rungwise.system.terms import Terms
+from rungwise.system.terms import Terms, normals_of, whole
 
 RAN_AWAY = (
     "speeds have grown beyond all numbers: inertial forces of joined bodies, taken where a step begins,"
@@ -46,14 +47,15 @@ def unsupported(trial: Trial, near: float, deadline: Deadline) -> Certificate | 
     from rungwise.contact.certify import certify_unsupported
 
     terms, contacts, state = trial.terms, trial.contacts, trial.state
-    clock, d = state.clock[0], state.force.shape[1]
+    clock = state.clock[0]
     free = state.free[: int(clock["free"])]
     grid = np.ix_(free, free)
-    resisting = float(clock["theta"]) * trial.h * terms.stiffness[grid] + terms.damping[grid]
-    moved = -trial.h * (terms.rows[: contacts * d : d] @ state.speed)
+    stiff, damping = whole(terms, terms.stiffness)[grid], whole(terms, terms.damping)[grid]
+    resisting = float(clock["theta"]) * trial.h * stiff + damping
+    moved = -trial.h * (normals_of(terms, contacts) @ state.speed)
     pushed = state.modes[trial.scratch.slots[:contacts]] != OPEN
     held = (terms.gap[:contacts] <= np.maximum(near, moved)) | pushed
-    problem = trim(trial.problem, len(free), contacts, int(clock["limited"]))
+    problem = trimmed(trial.problem, terms, len(free), contacts, int(clock["limited"]))
     problem = in_boxes(problem, terms, trial.scratch.limited_force)
     return certify_unsupported(keep_contacts(problem, held), resisting, deadline)
 

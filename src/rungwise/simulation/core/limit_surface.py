@@ -12,7 +12,7 @@ import numpy as np
 
 from rungwise.contact.step import EXACT_ROW, ContactProblem, trim
 from rungwise.kernel import Ints, Reals
-from rungwise.system.terms import APART, Terms
+from rungwise.system.terms import APART, Terms, whole
 
 
 def in_boxes(problem: ContactProblem, terms: Terms, forces: Reals) -> ContactProblem:
@@ -64,7 +64,11 @@ def _resists_alone(problem: ContactProblem, terms: Terms, rows: Ints, free: Ints
     """Whether rows of one surface hold all that moves, and nothing else yields, resists or pulls."""
     alone = len(rows) == len(problem.F) and len(set(terms.surface[rows])) == 1
     grid = np.ix_(free, free)
-    still = not (terms.stiffness[grid].any() or terms.damping[grid].any() or problem.c.any())
+    still = not (
+        whole(terms, terms.stiffness)[grid].any()
+        or whole(terms, terms.damping)[grid].any()
+        or problem.c.any()
+    )
     carried = np.delete(terms.limited[rows], free, axis=1).any()
     holds = np.linalg.matrix_rank(terms.limited[rows][:, free]) == len(free)
     return bool(alone and still and not carried and holds and not problem.R.any())

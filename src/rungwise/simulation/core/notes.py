@@ -9,9 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step import ContactProblem, Sizes, Unknowns, allocate_problem
+from rungwise.contact.step import (
+    ContactProblem,
+    Sizes,
+    Unknowns,
+    allocate_problem,
+    has_column,
+    place_in,
+    stretch,
+)
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
+from rungwise.system.terms import Terms
 
 _NEXT, _COUNT, _ALL, _FIRST, _HEAD = 0, 1, 2, 3, 10
 """The array begins with the place after the last note, the number of notes, stored or not, and whether all
@@ -56,7 +65,7 @@ def note_start(problem: ContactProblem, sizes: Sizes, scratch: Scratch) -> None:
 def note(
     problem: ContactProblem,
     sizes: Sizes,
-    surface: Ints,
+    terms: Terms,
     status: int,
     stage: int,
     state: State,
@@ -73,9 +82,11 @@ def note(
     out[at + 4], out[at + 5], out[at + 6] = status, stage, clock.residual
     out[at + 7], out[at + 8], out[at + 9] = clock.time, clock.tried, clock.steps
     at += _HEAD
-    at = _put_matrix(p.H, n, n, out, at)
+    for i in range(n):
+        at = _put_line(p.H, terms.entries.couplings, i, n, out, at)
     at = _put(p.c, n, out, at)
-    at = _put_matrix(p.W, contacts * d, n, out, at)
+    for r in range(contacts * d):
+        at = _put_row(p.W[r], terms.entries.columns, r // d, n, out, at)
     at = _put(p.R.reshape(p.R.size), contacts * d * d, out, at)
     at = _put(p.w, contacts * d, out, at)
     at = _put(p.mu, contacts, out, at)
@@ -85,7 +96,7 @@ def note(
     at = _put(p.F, limited, out, at)
     at = _put(p.quantum, 1, out, at)
     for r in range(limited):
-        out[at + r] = surface[r]
+        out[at + r] = terms.surface[r]
     at += limited + _unknowns_size(sizes, d)
     _put_unknowns(sizes, d, scratch, at)
     out[_NEXT] = at + _unknowns_size(sizes, d)
@@ -128,6 +139,23 @@ def _put(source: Reals, size: int, out: Reals, at: int) -> int:
     for i in range(size):
         out[at + i] = source[i]
     return at + size
+
+
+@kernel
+def _put_row(row: Reals, columns: Ints, k: int, n: int, out: Reals, at: int) -> int:
+    """Write all n columns of a row of contact k."""
+    for i in range(n):
+        out[at + i] = row[place_in(columns, k, i)] if has_column(columns, k, i) else 0.0
+    return at + n
+
+
+@kernel
+def _put_line(matrix: Reals, couplings: Ints, i: int, n: int, out: Reals, at: int) -> int:
+    """Write all n columns of row i of a matrix."""
+    low, high = stretch(couplings, i, n)
+    for j in range(n):
+        out[at + j] = matrix[i, j - low] if low <= j < high else 0.0
+    return at + n
 
 
 @kernel

@@ -11,7 +11,6 @@ from rungwise.block import Block
 from rungwise.contact.step import ContactProblem, Elimination, Sizes, Unknowns, matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.simulation.watched.values import PLACE
-from rungwise.system.entries import is_crowded, spans
 from rungwise.system.terms import Terms
 
 STATIC, KINETIC, IMPULSIVE = 0, 1, 2
@@ -99,14 +98,6 @@ class Trial(NamedTuple):
 def sizes_in(trial: Trial) -> Sizes:
     clock = trial.state.clock[0]
     return Sizes(clock.free, trial.contacts, clock.limited)
-
-
-@inner_kernel
-def columns_of(trial: Trial, k: int) -> tuple[int, int, int, int]:
-    """Two spans of columns outside of which the rows of contact k in the problem are zero."""
-    if is_crowded(trial.terms.entries):
-        return spans(trial.terms.entries.columns, k)
-    return 0, int(trial.state.clock[0].free), 0, 0
 
 
 @inner_kernel

@@ -11,6 +11,7 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
+    diagonal,
 )
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
@@ -118,7 +119,7 @@ def _is_still(trial: Trial, v: Reals) -> bool:
     are rounding turn bodies about axes that nothing resists."""
     terms, moves, falls = trial.terms, 0.0, 0.0
     for i in range(v.shape[0]):
-        weight = math.sqrt(terms.inertia[i, i])
+        weight = math.sqrt(diagonal(terms.inertia, terms.entries.matrices, i))
         moves, falls = max(moves, weight * abs(v[i])), max(falls, weight * abs(terms.fall[i]))
     return bool(moves <= NOTHING * trial.h * falls)
 
@@ -242,7 +243,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     status, found, stage = solve_scratch(problem, sizes, terms, scratch, shared)
     state.clock[0].residual = found
     if noted and (status != SOLVED or notes_all(scratch)):
-        note(problem, sizes, terms.surface, status, stage, state, scratch)
+        note(problem, sizes, terms, status, stage, state, scratch)
     return status
 
 

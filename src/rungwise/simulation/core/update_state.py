@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN
+from rungwise.contact.step import OPEN, span, stretch
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
 from rungwise.simulation.core.state import Scratch, State, Trial
-from rungwise.system.entries import Entries, is_crowded, spans
+from rungwise.system.entries import Entries, is_crowded
 from rungwise.system.skew import is_skew, squeezed, widened
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
@@ -129,9 +129,10 @@ def account(trial: Trial) -> None:
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
             inertial = 0.0
-            for j in range(n if momentum else 0):
+            low, high = stretch(terms.entries.matrices, i, n)
+            for j in range(low, high if momentum else low):
                 end = end_velocity(theta, state.v[j], scratch.v_new[j], state.prescribed[j])
-                inertial += clock.eps * terms.inertia[i, j] * (end - state.v[j]) / h
+                inertial += clock.eps * terms.inertia[i, j - low] * (end - state.v[j]) / h
             drive = inertial - state.passive[i] - contact - support - joint
         lever = scratch.v_new[i]
         if momentum:
@@ -149,17 +150,12 @@ def account(trial: Trial) -> None:
 def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
     """Write what forces along the first rows do to each coordinate into `push` (n,)."""
     push[:] = 0.0
-    crowded, d = is_crowded(terms.entries), terms.contact_stiffness.shape[1]
+    d, n = terms.contact_stiffness.shape[1], push.shape[0]
     for r in range(rows):
-        if force[r] != 0.0 and crowded:
-            begin, middle, second, last = spans(terms.entries.rows, r // d)
-            for i in range(begin, middle):
-                push[i] += terms.rows[r, i] * force[r]
-            for i in range(second, last):
-                push[i] += terms.rows[r, i] * force[r]
-        elif force[r] != 0.0:
-            for i in range(push.shape[0]):
-                push[i] += terms.rows[r, i] * force[r]
+        for side in range(2 if force[r] != 0.0 else 0):
+            first, end, shift = span(terms.entries.rows, r // d, side, n)
+            for i in range(first, end):
+                push[i] += terms.rows[r, i - shift] * force[r]
 
 
 @inner_kernel
@@ -168,7 +164,7 @@ def _row_product(entries: Entries, matrix: Reals, i: int, v: Reals) -> float:
         return _product(matrix[i], v)
     total = 0.0
     for j in range(entries.matrices[i, 0], entries.matrices[i, 1]):
-        total += matrix[i, j] * v[j]
+        total += matrix[i, j - entries.matrices[i, 0]] * v[j]
     return total
 
 

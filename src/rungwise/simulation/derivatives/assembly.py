@@ -42,6 +42,7 @@ from rungwise.system.planar import terms as planar
 from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.place import place
 from rungwise.system.planar.seams import is_continued
+from rungwise.system.terms import normals_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +227,7 @@ class Assembly(Steps):
         """Fill in terms of the contacts; returns how many there are."""
         count, terms = int(gather(self.records, self.workspace)), self.terms
         if trial is not None:
-            terms.gap[:count] -= self.h * terms.rows[: 2 * count : 2] @ trial
+            terms.gap[:count] -= self.h * normals_of(terms, count) @ trial
         self.state.clock["contacts"] = count
         return count
 

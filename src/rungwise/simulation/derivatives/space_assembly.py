@@ -42,6 +42,7 @@ from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.stepping.stepper import UndefinedNumber
 from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.loads import let_act
+from rungwise.system.terms import normals_of
 
 _BENT = 1e-2
 """Difference of slopes to both sides that counts as two, over the slope of what moves along."""
@@ -224,11 +225,11 @@ class SpaceAssembly(Steps):
 
     def _order(self, held: SpaceHeld, count: int) -> Ints:
         """See `Steps`. Raises ModelError where one that pushes is not found, or another would push."""
-        terms, d = self.terms, self._system.size.directions
+        terms = self.terms
         found = {int(slot): k for k, slot in enumerate(self.scratch.slots[:count])}
         order = np.array([found.pop(int(slot), -1) for slot in held.slots], np.int64)
         others = np.array(list(found.values()), np.int64)
-        closing = terms.gap[others] + self.h * (terms.rows[others * d] @ held.speed)
+        closing = terms.gap[others] + self.h * (normals_of(terms, count)[others] @ held.speed)
         if (order[held.pushing] < 0).any() or (closing < -terms.rounding[0]).any():
             raise ModelError(CHANGING)
         return order

@@ -25,16 +25,16 @@ from rungwise.contact.step import (
     Sizes,
     Unknowns,
     matrix_size,
-    trim,
 )
 from rungwise.deadline import go_on
 from rungwise.kernel import RecordArray, steady
 from rungwise.models.assemble import Step, assemble
-from rungwise.models.entries import Velocities
+from rungwise.models.entries import Velocities, trimmed
 from rungwise.models.ladder import Rung
 from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.options import ModelError
+from rungwise.system.entries import is_crowded
 from rungwise.system.terms import Terms
 from rungwise.wording import listed
 
@@ -289,7 +289,7 @@ class Steps(ABC):
         n, limited = int(clock["free"]), int(clock["limited"])
         velocities = Velocities(state.free, n, state.v, state.speed)
         self._assemble(self.rung, step, self.terms, count, limited, velocities, bounce, self.problem)
-        return trim(self.problem, n, count, limited)
+        return trimmed(self.problem, self.terms, n, count, limited)
 
 
 def refuse_rough(titles: Collection[str]) -> None:
@@ -299,24 +299,28 @@ def refuse_rough(titles: Collection[str]) -> None:
 
 
 def terms_of(terms: Terms, count: int) -> dict[str, Array]:
-    """The terms of the first contacts, rows (c, d n) and deformations (c, d) among them."""
+    """The terms of the first contacts: rows (c, d w) as they are kept, where, and deformations (c, d) among
+    them."""
     d = terms.contact_stiffness.shape[1]
     found = {name: getattr(terms, name)[:count].copy() for name in LAW}
     found["rows"] = terms.rows[: count * d].reshape(count, d * terms.rows.shape[1]).copy()
+    if is_crowded(terms.entries):
+        found["spans"] = terms.entries.rows[:count].copy()
     found["deformation"] = terms.deformation[: count * d].reshape(count, d).copy()
     return found
 
 
 def put_terms(terms: Terms, own: dict[str, Array]) -> None:
-    """Let the first contacts have these terms, with entries in any column."""
-    k, d, n = len(own["gap"]), terms.contact_stiffness.shape[1], terms.rows.shape[1]
+    """Let the first contacts have these terms."""
+    k, d, width = len(own["gap"]), terms.contact_stiffness.shape[1], terms.rows.shape[1]
     for name in LAW:
         getattr(terms, name)[:k] = own[name]
     terms.rows[: k * d], terms.deformation[: k * d] = (
-        own["rows"].reshape(k * d, n),
+        own["rows"].reshape(k * d, width),
         own["deformation"].ravel(),
     )
-    terms.entries.rows[:k] = (0, n, n, n)
+    if is_crowded(terms.entries):
+        terms.entries.rows[:k] = own["spans"]
 
 
 def found_in(trial: Trial) -> tuple[ContactProblem, Unknowns]:
@@ -327,7 +331,7 @@ def found_in(trial: Trial) -> tuple[ContactProblem, Unknowns]:
         scratch.mode[: count + limited].copy(), scratch.x[:n].copy(),
         scratch.contact_force[: count * d].copy(), scratch.limited_force[:limited].copy(),
     )  # fmt: skip
-    return trim(trial.problem, n, count, limited), found
+    return trimmed(trial.problem, trial.terms, n, count, limited), found
 
 
 def at_solution(problem: ContactProblem, found: Unknowns, halt: Ints) -> Sensitivity:

@@ -18,6 +18,7 @@ import math
 from typing import NamedTuple
 
 from rungwise.block import Block
+from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.core.held import keep_near
@@ -51,7 +52,6 @@ from rungwise.simulation.watched.inputs import Inputs, show_inputs
 from rungwise.simulation.watched.values import Conditions, Watched
 from rungwise.simulation.watched.verdicts import RUNNING
 from rungwise.system import contract
-from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -116,16 +116,16 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         elif drive == SPEED:
             state.v[i] = records.coordinates[i].drive_speed
     clock.limited = 0
+    planar.couple(records, terms.entries.matrices)
     if rung[0].loads:
         clock.limited = planar.constants(records, terms)
         if terms.exact.shape[0] > 0:
             spread_loads(records, terms)
     for i in range(n):
-        terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
+        low, _ = stretch(terms.entries.matrices, i, n)
+        terms.metric[i, i - low] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
-    if is_crowded(terms.entries):
-        planar.couple(terms)
     clock.drives = clock.limited
     clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
     clock.centred = is_centred(rung, control[0].error, terms, state)

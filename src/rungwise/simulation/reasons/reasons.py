@@ -12,6 +12,7 @@ from rungwise.contact.judge import Balance, Certificate
 from rungwise.contact.step import OPEN, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import RecordArray
+from rungwise.models.entries import trimmed
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import Scene
@@ -28,6 +29,7 @@ from rungwise.simulation.planar.step.held import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
 from rungwise.simulation.reasons.remarks import advice, remarks, stillness, untouchable
 from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
+from rungwise.system.terms import normals_of, whole
 from rungwise.wording import listed
 
 JAM = 0.25
@@ -96,7 +98,7 @@ class Reasons:
         if code == Code.NOT_CONVERGED and (crushed := self._crushed()):
             return Ended(Code.MODEL_INVALID, crushed)
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
-        problem = trim(self.workspace.problem, n, contacts, limited)
+        problem = trimmed(self.workspace.problem, self.workspace.terms, n, contacts, limited)
         certificate, balance = None, None
         if code == Code.JAMMED:
             certificate, problem = self._proved_jam(problem, deadline)
@@ -286,9 +288,9 @@ class Reasons:
         the loads (see `simulation.planar.step.held`), and which those are (k,)."""
         state, terms = self.workspace.state, self.workspace.terms
         n, contacts, limited = (int(state.clock[0][name]) for name in ("free", "contacts", "limited"))
-        problem = trim(self.workspace.problem, n, contacts, limited)
+        problem = trimmed(self.workspace.problem, self.workspace.terms, n, contacts, limited)
         slots, gap = self.workspace.scratch.slots[:contacts], terms.gap[:contacts]
-        closing = -float(state.clock[0]["tried"]) * (terms.rows[: 2 * contacts : 2] @ state.speed)
+        closing = -float(state.clock[0]["tried"]) * (normals_of(terms, contacts) @ state.speed)
         near = (gap <= np.maximum(NEAR * state.clock[0]["reach"], closing)) | (state.modes[slots] != OPEN)
         problem = in_boxes(problem, terms, self.workspace.scratch.limited_force)
         return keep_contacts(problem, near), near
@@ -305,4 +307,4 @@ class Reasons:
         free = state.free[: int(state.clock[0]["free"])]
         grid = np.ix_(free, free)
         step = float(state.clock[0]["theta"]) * float(state.clock[0]["tried"])
-        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
+        return np.asarray(step * whole(terms, terms.stiffness)[grid] + whole(terms, terms.damping)[grid])

@@ -16,6 +16,7 @@ from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.watched.values import TIME
 from rungwise.system.planar.joints import measure
 from rungwise.system.planar.terms import target
+from rungwise.system.terms import rows_of
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _is_concerned(i: int, workspace: Workspace) -> bool:
     """Whether rows of contacts or joints of the last problem contain coordinate i."""
     clock, terms = workspace.state.clock[0], workspace.terms
     joined = terms.limited[clock["drives"] : clock["limited"], i]
-    return bool(terms.rows[: 2 * clock["contacts"], i].any() or joined.any())
+    return bool(rows_of(terms, int(clock["contacts"]))[:, :, i].any() or joined.any())
 
 
 def _leap(servo: _Servo, begin: float, end: float, least: float) -> Leap | None:

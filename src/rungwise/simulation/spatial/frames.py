@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rungwise.contact.step import span
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.labels import Labels
@@ -92,9 +93,10 @@ def put_reactions(
     copy(state.reaction, found[0])
     for k in range(contacts):
         force = scratch.contact_force[k * d]
-        if scratch.slots[k] >= first and force != 0.0:
-            for i in range(n):
-                found[1, i] += force * terms.rows[k * d, i]
+        for side in range(2 if scratch.slots[k] >= first and force != 0.0 else 0):
+            low, high, shift = span(terms.entries.rows, k, side, n)
+            for i in range(low, high):
+                found[1, i] += force * terms.rows[k * d, i - shift]
     for r in range(terms.account.shape[0]):
         row = 2 if terms.account[r] == JOINT else 3
         force = scratch.limited_force[r] if terms.account[r] != DRIVE else 0.0

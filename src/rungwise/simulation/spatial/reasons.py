@@ -13,6 +13,7 @@ from rungwise.simulation.core.tolerances import NEAR
 from rungwise.simulation.moving.snaps import led_on, snaps
 from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
 from rungwise.simulation.stepping.stepper import Stepper
+from rungwise.system.spatial.reach import rate_of
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed
 
@@ -22,7 +23,8 @@ MOST_NAMED = 4
 
 def fastest(space: Space, names: Sequence[str], v: Reals) -> str:
     """The body that moves fastest at v (n_v,)."""
-    return names[int(np.argmax(space.reaches @ np.abs(v)))]
+    speeds = [rate_of(space.reaches, space.solids.span, b, v) for b in range(len(space.reaches))]
+    return names[int(np.argmax(speeds))]
 
 
 def snapped(stepper: Stepper, space: Space, names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.contact.step import ContactProblem
+from rungwise.contact.step import ContactProblem, stretch
 from rungwise.kernel import (
     Ints,
     Reals,
@@ -36,7 +36,7 @@ from rungwise.simulation.stepping.overlap import least_allowed, open_added
 from rungwise.simulation.watched.inputs import Inputs
 from rungwise.simulation.watched.values import Watched
 from rungwise.system.contract import fastest, fill, integrate, least_gap, passes, tell_laws
-from rungwise.system.entries import rate, stretch
+from rungwise.system.entries import rate
 from rungwise.system.moving import Moment, Size
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
@@ -359,8 +359,8 @@ def _fill_heft(terms: Terms) -> None:
     n = terms.inertia.shape[0]
     for i in range(n):
         inertia, metric = 0.0, 0.0
-        low, high = stretch(terms.entries, i, n)
+        low, high = stretch(terms.entries.matrices, i, n)
         for j in range(low, high):
-            inertia += abs(terms.inertia[i, j])
-            metric += abs(terms.metric[i, j])
+            inertia += abs(terms.inertia[i, j - low])
+            metric += abs(terms.metric[i, j - low])
         terms.heft[i, INERTIA], terms.heft[i, METRIC] = inertia, metric

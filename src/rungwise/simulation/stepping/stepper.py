@@ -14,9 +14,10 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.judge import Certificate
-from rungwise.contact.step import ContactProblem, allocate_problem, trim
+from rungwise.contact.step import ContactProblem, allocate_problem
 from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
+from rungwise.models.entries import trimmed
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.crawl import FAR, OVERLAPPING, Leap
@@ -114,13 +115,14 @@ class Stepper:
         self.state = State(clock=clock, v=v, **state_arrays(n, size.slots, d) | {"laws": laws})
         self.scratch = Scratch(**scratch_arrays(n, size.slots, limited, d=d) | {"impact": impact})
         most = size.slots if size.at_once is None else size.at_once
+        width = n if size.widths is None else size.widths.rows
         try:
-            self.terms = allocate_terms(n, most, limited, d, size.crowded, skewed=size.skewed)
-            self.problem = allocate_problem(n, most, limited, d)
+            self.terms = allocate_terms(n, most, limited, d, size.widths, skewed=size.skewed)
+            self.problem = allocate_problem(n, most, limited, d, size.widths)
         except MemoryError:
             raise Crowded(
-                f"scene: rows of {most} contacts by {n} velocities, twice, do not fit into memory; take fewer"
-                " bodies that move, or fewer or simpler geoms that may touch"
+                f"scene: rows of {most} contacts by {width} velocities, twice, do not fit into memory; take"
+                " fewer bodies that move, or fewer or simpler geoms that may touch"
             ) from None
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
@@ -344,7 +346,8 @@ class Stepper:
         if status == UNSUPPORTED or self.note["leaping"] > 0.0:  # to ask for solutions takes far longer
             self.certificate = self._unsupported(status != UNSUPPORTED)
         if status != UNSUPPORTED and self.certificate is None:
-            problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
+            free, limited = int(clock["free"]), int(clock["limited"])
+            problem = trimmed(self.problem, terms, free, self.contacts, limited)
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate, solved = ask(problem, terms, state, self.scratch, self.deadline)
             if solved and not asked:

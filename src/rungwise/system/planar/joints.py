@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import span
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
 from rungwise.scene.template.records import (
     ALONG,
@@ -22,6 +23,8 @@ from rungwise.scene.template.records import (
     SPEED,
     Records,
 )
+from rungwise.system.entries import clear_rows
+from rungwise.system.planar.jacobian import set_bodies
 from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever
 from rungwise.system.planar.terms import stop
 from rungwise.system.terms import APART, DRIVE, JOINT, SUPPORT, Terms
@@ -263,8 +266,13 @@ def stops(
             if math.isfinite(limit):
                 sign = 1.0 - 2.0 * side
                 stop(sign * (value - limit), unit, count, terms)
-                for i in range(row.shape[0]):
-                    terms.rows[2 * count, i] = sign * row[i]
+                joint = records.joints[kind.joint]
+                set_bodies(joint.body_a, joint.body_b, records.bodies, count, terms.entries)
+                clear_rows(terms.entries, count, 2, terms.rows)
+                for part in range(2):
+                    low, high, shift = span(terms.entries.rows, count, part, row.shape[0])
+                    for i in range(low, high):
+                        terms.rows[2 * count, i - shift] = sign * row[i]
                 slots[count] = slot + 2 * m + side
                 count += 1
     return count

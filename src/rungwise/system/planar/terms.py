@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import place_in, stretch
 from rungwise.kernel import Ints, Reals, Record, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
-from rungwise.system.entries import clear_rows, fill_span, is_crowded, set_spans
+from rungwise.system.entries import clear_rows, is_crowded, set_spans
 from rungwise.system.planar.contact_manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.jacobian import enter_rows
 from rungwise.system.planar.near import near_pairs, pair_at
@@ -20,18 +21,19 @@ FULL = -1
 
 @kernel
 def constants(records: Records, terms: Terms) -> int:
-    """Inertia, metric, stiffness, damping and force-limited rows; returns how many such rows there are."""
+    """Inertia, metric, stiffness, damping and force-limited rows, where matrices have their stretches;
+    returns how many such rows there are."""
     coordinates, potentials, factors = records.coordinates, records.potentials, records.terms
     n, count = coordinates.shape[0], 0
     for i in range(n):
-        c = coordinates[i]
-        terms.inertia[i, i] = c.mass
-        terms.metric[i, i] = c.metric
+        c, own = coordinates[i], i - stretch(terms.entries.matrices, i, n)[0]
+        terms.inertia[i, own] = c.mass
+        terms.metric[i, own] = c.metric
         terms.heft[i, INERTIA], terms.heft[i, METRIC] = c.mass, c.metric
-        terms.damping[i, i] = c.damping
+        terms.damping[i, own] = c.damping
         if c.drive == SERVO and c.limited == 0:
-            terms.stiffness[i, i] += c.stiffness
-            terms.damping[i, i] += c.drive_damping
+            terms.stiffness[i, own] += c.stiffness
+            terms.damping[i, own] += c.drive_damping
         elif c.drive == SERVO:
             terms.limited[count, i] = c.lever
             terms.limit[count] = c.limit / c.lever
@@ -48,22 +50,29 @@ def constants(records: Records, terms: Terms) -> int:
     count = enter_supports(records, count, terms)
     for p in range(potentials.shape[0]):
         for i in range(n):
+            low, _ = stretch(terms.entries.matrices, i, n)
             for j in range(n):
                 a, b = factors[p * n + i], factors[p * n + j]
                 if a.acts and b.acts:
-                    terms.stiffness[i, j] += potentials[p].stiffness * a.factor * b.factor
+                    terms.stiffness[i, j - low] += potentials[p].stiffness * a.factor * b.factor
     return count
 
 
 @rare_kernel
-def couple(terms: Terms) -> None:
-    """Tell where the matrices have entries: on the diagonal, and where potentials join coordinates."""
-    for i in range(terms.load.shape[0]):
-        first, end = i, i + 1
-        for j in range(terms.load.shape[0]):
-            if terms.stiffness[i, j] != 0.0:
-                first, end = min(first, j), max(end, j + 1)
-        terms.entries.matrices[i, 0], terms.entries.matrices[i, 1] = first, end
+def couple(records: Records, stretches: Ints) -> None:
+    """Tell where the matrices have entries, unless they are dense: on the diagonal, and where potentials join
+    coordinates."""
+    n, factors = records.coordinates.shape[0], records.terms
+    for i in range(stretches.shape[0]):
+        stretches[i, 0], stretches[i, 1] = i, i + 1
+    for p in range(records.potentials.shape[0] if stretches.shape[0] > 0 else 0):
+        first, end = n, 0
+        for i in range(n):
+            if factors[p * n + i].acts:
+                first, end = min(first, i), i + 1
+        for i in range(first, end):
+            if factors[p * n + i].acts:
+                stretches[i, 0], stretches[i, 1] = min(stretches[i, 0], first), max(stretches[i, 1], end)
 
 
 @kernel
@@ -203,24 +212,24 @@ def gather(
             slot, lever = 2 * pairs.shape[0] + 2 * i, coordinates[i].lever
             if math.isfinite(coordinates[i].lower):
                 stop(lever * (q[i] - coordinates[i].lower), lever, count, terms)
-                terms.rows[2 * count, i] = lever
-                _hold_at(i, count, terms)
+                _hold_at(i, lever, count, terms)
                 slots[count] = slot
                 count += 1
             if math.isfinite(coordinates[i].upper):
                 stop(lever * (coordinates[i].upper - q[i]), lever, count, terms)
-                terms.rows[2 * count, i] = -lever
-                _hold_at(i, count, terms)
+                _hold_at(i, -lever, count, terms)
                 slots[count] = slot + 1
                 count += 1
     return count
 
 
 @inner_kernel
-def _hold_at(i: int, count: int, terms: Terms) -> None:
+def _hold_at(i: int, lever: float, count: int, terms: Terms) -> None:
     """The travel limit that was added has an entry for coordinate i alone."""
     if is_crowded(terms.entries):
         set_spans(terms.entries.rows, count, i, i + 1, i + 1, i + 1)
+    clear_rows(terms.entries, count, 2, terms.rows)
+    terms.rows[2 * count, place_in(terms.entries.rows, count, i)] = lever
 
 
 @kernel
@@ -228,8 +237,6 @@ def stop(gap: float, lever: float, count: int, terms: Terms) -> None:
     """Add a travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to
     fill."""
     terms.lever[count] = lever
-    clear_rows(terms.entries, count, 2, terms.rows)
-    fill_span(terms.entries, count, terms.load.shape[0])
     terms.gap[count] = gap
     terms.friction[count] = terms.restitution[count] = 0.0
     for d in range(2):

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.block import Block
+from rungwise.contact.step import place_in
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
-from rungwise.system.entries import Spans, clear_rows, is_crowded, set_spans
+from rungwise.system.entries import clear_rows, is_crowded, set_spans
 from rungwise.system.skew import XX, XY, YY, is_skew, widened
 from rungwise.system.terms import Terms
 
@@ -175,8 +176,8 @@ def least_gap(seen: ContactSet) -> float:
 
 
 @inner_kernel
-def _moved(geom: Ints, solids: Solids, n: int) -> Spans:
-    """The velocities that may move one of two geoms, of n."""
+def _moved(geom: Ints, solids: Solids, n: int) -> tuple[int, int, int, int]:
+    """Two spans of the velocities that may move one of two geoms, of n."""
     a, b = solids.body[geom[0]], solids.body[geom[1]]
     first, end = solids.span[a, 0], solids.span[a, 1]
     second, last = solids.span[b, 0], solids.span[b, 1]
@@ -262,10 +263,10 @@ def _fill_rows(
     for i in range(3):
         found.world[slot, i], found.world[slot, 3 + i] = seen.pos[c, i], frame[i]
         found.world[slot, 6 + i] = along * frame[3 + i] + across * frame[6 + i]
-    clear_rows(terms.entries, k, d, terms.rows)
     if is_crowded(terms.entries):
         moved = _moved(seen.geom[c], solids, n)
         set_spans(terms.entries.rows, k, moved[0], moved[1], moved[2], moved[3])
+    clear_rows(terms.entries, k, d, terms.rows)
     _turn_rows(c, k, along, across, seen, d, terms)
     if seen.dim[c] > 1:
         _clear_blunt(c, k, seen, d, terms)
@@ -282,7 +283,7 @@ def _turn_rows(c: int, k: int, along: float, across: float, seen: ContactSet, d:
     """Fill the rows of contact k with those that are seen, with tangents turned."""
     J, first, begin = seen.J, seen.address[c], seen.first[seen.address[c]]
     for e in range(seen.entries[first]):
-        j = seen.column[begin + e]
+        j = place_in(terms.entries.rows, k, seen.column[begin + e])
         terms.rows[k * d, j] = J[begin + e]
         for pair in range(1, d - 1, 3):
             if seen.dim[c] > pair + 1:
@@ -301,13 +302,13 @@ def _clear_blunt(c: int, k: int, seen: ContactSet, d: int, terms: Terms) -> None
     for i in range(3):
         moves = False
         for e in range(begin, begin + seen.entries[seen.address[c]]):
-            j, most = seen.column[e], 0.0
+            j, most = place_in(terms.entries.rows, k, seen.column[e]), 0.0
             for other in range(3):
                 most = max(most, abs(terms.rows[k * d + other, j]))
             moves |= abs(terms.rows[k * d + i, j]) > BLUNT * most
         if not moves:
             for e in range(begin, begin + seen.entries[seen.address[c]]):
-                terms.rows[k * d + i, seen.column[e]] = 0.0
+                terms.rows[k * d + i, place_in(terms.entries.rows, k, seen.column[e])] = 0.0
 
 
 @kernel
@@ -321,7 +322,7 @@ def _tell_skew(
         skew = _between(slide / unit, other / unit, along, across)
         for i in range(3):
             terms.skew[k, i] = skew[i]
-        _mix(c, k * d + 1, skew, seen, terms)
+        _mix(c, k, k * d + 1, skew, seen, terms)
 
 
 @inner_kernel
@@ -335,11 +336,11 @@ def _between(one: float, two: float, along: float, across: float) -> tuple[float
 
 
 @inner_kernel
-def _mix(c: int, r: int, by: tuple[float, float, float], seen: ContactSet, terms: Terms) -> None:
-    """Multiply two rows, from r on, by a symmetric matrix."""
+def _mix(c: int, k: int, r: int, by: tuple[float, float, float], seen: ContactSet, terms: Terms) -> None:
+    """Multiply two rows of contact k, from r on, by a symmetric matrix."""
     begin = seen.first[seen.address[c]]
     for e in range(begin, begin + seen.entries[seen.address[c]]):
-        j = seen.column[e]
+        j = place_in(terms.entries.rows, k, seen.column[e])
         x, y = terms.rows[r, j], terms.rows[r + 1, j]
         terms.rows[r, j], terms.rows[r + 1, j] = by[XX] * x + by[XY] * y, by[XY] * x + by[YY] * y
 
@@ -355,10 +356,10 @@ def _weigh(
         own = max(slide, other) if i < 3 else twist if i == 3 else max(roll, beside)
         part = own / unit if unit > 0.0 else 1.0
         for e in range(begin, begin + seen.entries[seen.address[c]]):
-            terms.rows[k * d + i, seen.column[e]] *= part
+            terms.rows[k * d + i, place_in(terms.entries.rows, k, seen.column[e])] *= part
     if d > 4 and seen.dim[c] > 4 and roll != beside:
         most = max(roll, beside)
-        _mix(c, k * d + 4, _between(roll / most, beside / most, along, across), seen, terms)
+        _mix(c, k, k * d + 4, _between(roll / most, beside / most, along, across), seen, terms)
 
 
 @kernel

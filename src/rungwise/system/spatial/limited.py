@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.block import Block
+from rungwise.contact.step import span
 from rungwise.kernel import Ints, Reals, copy, kernel
-from rungwise.system.entries import fill_span
+from rungwise.system.entries import clear_rows, is_crowded, set_spans
 from rungwise.system.products import dot
 from rungwise.system.spatial.drives import BALL, Drives
 from rungwise.system.spatial.loads import Actuators, Rows, fill_row
@@ -153,11 +154,13 @@ def fill_limits(of: Limited, reach: float, count: int, terms: Terms, slots: Ints
             moves |= of.free[i] == 1 and of.row[i] != 0.0
         if gap * unit > reach or not moves:
             continue
-        fill_span(terms.entries, k, len(of.row))
-        for i in range(len(of.row)):
-            terms.rows[k * D, i] = unit * of.row[i]
-            for j in range(1, D):
-                terms.rows[k * D + j, i] = 0.0
+        if is_crowded(terms.entries):
+            first, end = hull(of.row)
+            set_spans(terms.entries.rows, k, first, end, end, end)
+        clear_rows(terms.entries, k, D, terms.rows)
+        first, end, shift = span(terms.entries.rows, k, 0, len(of.row))
+        for i in range(first, end):
+            terms.rows[k * D, i - shift] = unit * of.row[i]
         terms.gap[k], terms.lever[k] = unit * gap, unit
         for j in range(3 if terms.skew.shape[0] > 0 else 0):
             terms.skew[k, j] = 0.0 if j == 1 else 1.0
@@ -206,6 +209,17 @@ def put_row(of: Limited, r: int, row: Reals) -> None:
     first = integer_at(_at(of, FIRST, r, INTEGER))
     for e in range(first, first + integer_at(_at(of, MANY, r, INTEGER))):
         row[integer_at(_at(of, COLUMN, e, INTEGER))] = real_at(_at(of, VALUE, e, REAL))
+
+
+@kernel
+def hull(row: Reals) -> tuple[int, int]:
+    """The least stretch outside of which a row (n,) is zero."""
+    first, end = 0, len(row)
+    while end > 0 and row[end - 1] == 0.0:
+        end -= 1
+    while first < end and row[first] == 0.0:
+        first += 1
+    return first, end
 
 
 @kernel

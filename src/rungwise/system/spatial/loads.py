@@ -10,6 +10,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.step import entry, stretch
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.mujoco_model import of_unit_mass
 from rungwise.system.moving import Moment
@@ -96,7 +97,7 @@ class Loads(Block):
     bodies by weight, 0 where more than weight and contacts may act; joined (n,): the velocities of bodies
     that do not turn freely; weighs (b,): the masses of these bodies; stretch (n, 2): the velocities that
     inertia, springs and dampers couple with each; free (n,): whether a velocity is not prescribed. row (n,),
-    tendon (t, n), matrix (n, n) and order (n,) are scratch.
+    tendon (t, n), matrix (w, w) and order (w,), of as many as are coupled, are scratch.
     """
 
     address: Ints
@@ -163,7 +164,8 @@ def loads(model: mujoco.MjModel, data: mujoco.MjData, drives: Drives, pace: Real
     own, joined = spins(m), np.ones(n, np.int64)
     joined[(own.first[:, None] + np.arange(6)).ravel()] = 0
     free = np.isnan(pace)
-    side = 0 if free.all() else n
+    stretches = _stretches(m, bool(drag.any()))
+    side = 0 if free.all() else _widest(stretches)
     return Loads(
         address=np.array([model._address, data._address]), unit=np.zeros(2, np.int64), q=data.qpos,
         unit_q=data.qpos, v=data.qvel, axes=data.xmat, spring=data.qfrc_spring, weight=data.qfrc_gravcomp,
@@ -173,7 +175,7 @@ def loads(model: mujoco.MjModel, data: mujoco.MjData, drives: Drives, pace: Real
         ),
         taken=np.zeros(n), falls=np.zeros(n) if springs or m.nu else np.where(free, _weights(m, own), 0.0),
         joined=joined, weighs=np.where(np.isin(m.body_rootid, own.body), 0.0, m.body_mass),
-        stretch=_stretches(m, bool(drag.any())), free=free.astype(np.int64), row=np.zeros(n),
+        stretch=stretches, free=free.astype(np.int64), row=np.zeros(n),
         tendon=np.zeros((m.ntendon, n)), matrix=np.zeros((side, side)), order=np.zeros(side, np.int64),
     )  # fmt: skip
 
@@ -217,11 +219,37 @@ def _weights(model: mujoco.MjModel, own: Spins) -> Reals:
 
 def _stretches(m: mujoco.MjModel, drags: bool) -> Ints:
     """The stretch (n, 2) of the velocities that inertia, springs and dampers couple with each: those of its
-    mechanism, or all where tendons, or dampers of actuators, may couple mechanisms."""
-    if drags or any(tie.any() for tie in (m.tendon_stiffness, m.tendon_damping, m.tendon_armature)):
+    mechanism and of others that tendons tie it to, or all where dampers of actuators may couple."""
+    if drags:
         return np.tile(np.array([0, m.nv]), (m.nv, 1))
     first = m.tree_dofadr[m.dof_treeid]
-    return np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
+    found = np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
+    kinds = m.tendon_stiffness, m.tendon_damping, m.tendon_armature
+    ties = [t for t in range(m.ntendon) if any(kind[t].any() for kind in kinds)]
+    own = [m.ten_J_colind[m.ten_J_rowadr[t] :][: m.ten_J_rownnz[t]] for t in ties]
+    for _ in ties:  # what is tied to one that is tied to others is tied to these
+        for columns in own:
+            tied = np.isin(m.dof_treeid, m.dof_treeid[columns])
+            found[tied] = found[tied, 0].min(initial=m.nv), found[tied, 1].max(initial=0)
+    return found
+
+
+def _widest(stretches: Ints) -> int:
+    """How many velocities at most are coupled with each other and no others."""
+    ends = [0]
+    while ends[-1] < len(stretches):
+        ends.append(int(block_end(stretches, ends[-1])))
+    return int(np.diff(ends).max(initial=0))
+
+
+@kernel
+def block_end(stretches: Ints, begin: int) -> int:
+    """The end of the least block of velocities from `begin` on that are coupled with no others."""
+    i, end = begin, begin + 1
+    while i < end:
+        end = max(end, stretches[i, 1])
+        i += 1
+    return int(end)
 
 
 @kernel
@@ -247,13 +275,15 @@ def let_act(a: Actuators, control: Reals, activation: Reals, h: float, after: Re
 def fill_loads(of: Loads, moment: Moment, terms: Terms) -> None:
     """Fill terms at the place of the model's data."""
     eps = moment.inertia
-    fill_symmetric(of.inertia, terms.inertia)
+    if of.joints.filled[0] != terms.damping.ctypes.data:
+        copy(of.stretch[: len(terms.entries.matrices)], terms.entries.matrices)
+    fill_symmetric(of.inertia, terms.entries.matrices, terms.inertia)
     if eps == 0.0 and of.unit[MODEL] != 0:
         copy(moment.q, of.unit_q)
         mj_kinematics(of.unit[MODEL], of.unit[DATA])
         mj_comPos(of.unit[MODEL], of.unit[DATA])
         mj_makeM(of.unit[MODEL], of.unit[DATA])
-        fill_symmetric(of.metric, terms.metric)
+        fill_symmetric(of.metric, terms.entries.matrices, terms.metric)
     _take_inertial(of, moment.v, eps)
     for i in range(len(of.taken)):
         terms.load[i] = 0.0 - of.taken[i]
@@ -267,8 +297,6 @@ def fill_loads(of: Loads, moment: Moment, terms: Terms) -> None:
         _drive(of.actuators, terms.load)
     if of.joints.any[SPRINGS] or of.joints.filled[0] != terms.damping.ctypes.data:
         _fill_yielding(of, terms)
-        for i in range(terms.entries.matrices.shape[0]):
-            terms.entries.matrices[i, 0], terms.entries.matrices[i, 1] = of.stretch[i, 0], of.stretch[i, 1]
         of.joints.filled[0] = terms.damping.ctypes.data
     fill_fall(of, terms)
 
@@ -327,59 +355,74 @@ def fill_row(rows: Rows, r: int, row: Reals) -> None:
 
 
 @kernel
-def fill_symmetric(rows: Rows, matrix: Reals) -> None:
-    """Write the entries of a symmetric matrix (n, n), which has no others."""
-    for i in range(len(rows.many)):
+def fill_symmetric(rows: Rows, stretches: Ints, matrix: Reals) -> None:
+    """Write the entries of a symmetric matrix (n, n), which has no others, where they are kept."""
+    n = len(rows.many)
+    for i in range(n):
+        low, _ = stretch(stretches, i, n)
         for e in range(rows.first[i], rows.first[i] + rows.many[i]):
             j = rows.column[e]
-            matrix[i, j] = matrix[j, i] = rows.value[e]
+            other, _ = stretch(stretches, j, n)
+            matrix[i, j - low] = matrix[j, i - other] = rows.value[e]
 
 
 @kernel
 def _fill_yielding(of: Loads, terms: Terms) -> None:
     """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
-    joints, n = of.joints, len(of.taken)
+    joints, n, stretches = of.joints, len(of.taken), terms.entries.matrices
     for i in range(n):  # all else is zero since these terms were made
+        low, _ = stretch(stretches, i, n)
         for j in range(of.stretch[i, 0], of.stretch[i, 1]):
-            terms.damping[i, j] = terms.stiffness[i, j] = 0.0
-        terms.damping[i, i], terms.stiffness[i, i] = joints.damping[i], joints.stiffness[i]
+            terms.damping[i, j - low] = terms.stiffness[i, j - low] = 0.0
+        terms.damping[i, i - low], terms.stiffness[i, i - low] = joints.damping[i], joints.stiffness[i]
     for k in range(len(joints.drag) if joints.any[DRAGS] else 0):
-        _add_product(joints.drag[k], of.actuators.moment[k], terms.damping)
+        _add_product(joints.drag[k], of.actuators.moment[k], stretches, terms.damping)
     for k in range(len(joints.tendon_length) if joints.any[TENDONS] else 0):
         row, length = of.tendon[k], joints.tendon_length[k]
         fill_row(of.tendons, k, row)
-        _add_product(joints.tendon_damping[k], row, terms.damping)
+        _add_product(joints.tendon_damping[k], row, stretches, terms.damping)
         if length < joints.slack[k, 0] or length > joints.slack[k, 1]:
-            _add_product(joints.tendon_stiffness[k], row, terms.stiffness)
+            _add_product(joints.tendon_stiffness[k], row, stretches, terms.stiffness)
 
 
 @kernel
-def _add_product(part: float, row: Reals, matrix: Reals) -> None:
+def _add_product(part: float, row: Reals, stretches: Ints, matrix: Reals) -> None:
     """Add a part of the product of a row (n,) with itself."""
     for i in range(len(row)):
         if part * row[i] != 0.0:
-            for j in range(len(row)):
-                matrix[i, j] += part * row[i] * row[j]
+            low, high = stretch(stretches, i, len(row))
+            for j in range(low, high):
+                matrix[i, j - low] += part * row[i] * row[j]
 
 
 @kernel
 def _fall_of_free(of: Loads, terms: Terms) -> None:
     """Fill in accelerations without contacts where some velocities are prescribed."""
-    count, n = 0, len(terms.load)
-    for i in range(n):
+    begin = 0
+    while begin < len(terms.load):
+        end = block_end(of.stretch, begin)
+        _fall_of_block(of, begin, end, terms)
+        begin = end
+
+
+@kernel
+def _fall_of_block(of: Loads, begin: int, end: int, terms: Terms) -> None:
+    """The same of the velocities begin..end, which M couples with no others."""
+    count = 0
+    for i in range(begin, end):
         terms.fall[i] = 0.0
         if of.free[i] == 1:
             at = 0
-            for j in range(n):
+            for j in range(begin, end):
                 if of.free[j] == 1:
-                    of.matrix[count, at] = terms.inertia[i, j]
+                    of.matrix[count, at] = entry(terms.inertia, terms.entries.matrices, i, j)
                     at += 1
             of.row[count] = terms.load[i]
             count += 1
     if count > 0 and factorise(of.matrix, count, of.order):
         substitute(of.matrix, count, of.order, of.row)
     count = 0
-    for i in range(n):
+    for i in range(begin, end):
         if of.free[i] == 1:
             terms.fall[i] = of.row[count]
             count += 1

@@ -73,7 +73,7 @@ class Mechanism(Block):
     Margins of joints (j,) and tendons (t,) are in MuJoCo's memory; joint_lever (j,) is that of each joint.
     `one` and `other` are the features of the last step that was taken and those of the last `fill`, the other
     way round where `turn` (1,) says so (see `kept_in`, `found_in`); `saved` is what `keep` keeps; after
-    (n_q,), slots that are `active` or `known` (s,), momentum (n,), lengths (v,) and the geoms' frames `begun`
+    (n_q,), slots that are `active` or `known` (s,), momentum, lengths (n,) and the geoms' frames `begun`
     and `ended` are scratch; `energy` (2,) is in MuJoCo's memory.
     """
 
@@ -232,7 +232,7 @@ def least_gap_at(m: Mechanism, q: Reals) -> float:
 @contract.fastest.given_by(Mechanism)
 @kernel
 def fastest_at(m: Mechanism, _q: Reals, v: Reals) -> float:
-    return 2.0 * fastest_point(m.reaches, m.vectors, v, m.lengths)
+    return 2.0 * fastest_point(m.reaches, m.solids.span, m.vectors, v, m.lengths)
 
 
 @contract.tell_laws.given_by(Mechanism)
@@ -278,7 +278,8 @@ def accept_step(m: Mechanism, q: Reals, v: Reals, trial: Any) -> None:
         before = t.numbers[0].kinetic + t.numbers[0].height
         copy(t.new, t.old)
         look_at_energy(m, q, v)
-        work = change(trial.terms.inertia, m.loads.taken, t.old, t.new, t.numbers[0].eps, trial.h)
+        M, stretches = trial.terms.inertia, trial.terms.entries.matrices
+        work = change(M, stretches, m.loads.taken, t.old, t.new, t.numbers[0].eps, trial.h)
         gain(t, before, work)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 from rungwise.system.moving import SLIP
 from rungwise.system.spatial.features import ContactSet
 from rungwise.system.spatial.patch.shapes import (
@@ -28,6 +28,7 @@ from rungwise.system.spatial.patch.shapes import (
     Shapes,
     separation,
 )
+from rungwise.system.spatial.reach import rate_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -35,15 +36,17 @@ if TYPE_CHECKING:
 
 class Rates(Block):
     """What velocities do to each body at every state, per unit of each velocity: speed (b, n), a bound of the
-    speed of its points; turn (b, n), of its rate of turning; swing (b, n), of speeds that turn with it."""
+    speed of its points; turn (b, n), of its rate of turning; swing (b, n), of speeds that turn with it. Each
+    is kept in the stretches moved (b, 2)."""
 
+    moved: Ints
     speed: Reals
     turn: Reals
     swing: Reals
 
 
-def rates(model: mujoco.MjModel, speed: Reals) -> Rates:
-    """What velocities do to each body, `speed` (b, n) for its points (`reach.reaches`).
+def rates(model: mujoco.MjModel, moved: Ints, speed: Reals) -> Rates:
+    """What velocities do to each body, `speed` for its points (`reach.kept_reaches`).
 
     A point's acceleration at steady velocities is at most the rate of turning times the swing: an axis turns
     with those before it, and a slide's way counts twice, as Coriolis' acceleration does.
@@ -54,16 +57,17 @@ def rates(model: mujoco.MjModel, speed: Reals) -> Rates:
     turn, swing = np.zeros_like(speed), np.zeros_like(speed)
     for j in range(model.njnt):
         at, kind = int(model.jnt_dofadr[j]), int(model.jnt_type[j])
-        moved = speed[:, at] > 0.0
+        own = np.flatnonzero((moved[:, 0] <= at) & (at < moved[:, 1]))
+        own = own[speed[own, at - moved[own, 0]] > 0.0]
         if kind == kinds.mjJNT_SLIDE:
-            swing[moved, at] = 2.0
+            swing[own, at - moved[own, 0]] = 2.0
             continue
         if kind == kinds.mjJNT_FREE:
             at += 3
-        turning = slice(at, at + (1 if kind == kinds.mjJNT_HINGE else 3))
-        turn[moved, turning] = 1.0
-        swing[:, turning] = speed[:, turning]
-    return Rates(speed=speed, turn=turn, swing=swing)
+        for axis in range(at, at + (1 if kind == kinds.mjJNT_HINGE else 3)):
+            turn[own, axis - moved[own, 0]] = 1.0
+            swing[own, axis - moved[own, 0]] = speed[own, axis - moved[own, 0]]
+    return Rates(moved=moved, speed=speed, turn=turn, swing=swing)
 
 
 @kernel
@@ -118,7 +122,10 @@ def _is_near(
     a, b, gap = seen.geom[first, 0], seen.geom[first, 1], math.inf
     for c in range(first, end):
         gap = min(gap, seen.dist[c])
-    moved = part * (_rate(rates.speed, shapes.body[a], v) + _rate(rates.speed, shapes.body[b], v))
+    moved = part * (
+        rate_of(rates.speed, rates.moved, shapes.body[a], v)
+        + rate_of(rates.speed, rates.moved, shapes.body[b], v)
+    )
     return seen.address[first] >= 0 and moved > gap + _allowed(a, b, deep, shapes)
 
 
@@ -158,10 +165,16 @@ def _least_distance(
     a, b = seen.geom[c, 0], seen.geom[c, 1]
     x, y, z = seen.frame[c, 0], seen.frame[c, 1], seen.frame[c, 2]
     first = separation(a, b, x, y, z, shapes, begin)
-    turn_a, turn_b = part * _rate(rates.turn, shapes.body[a], v), part * _rate(rates.turn, shapes.body[b], v)
-    bend = turn_a * part * _rate(rates.swing, shapes.body[a], v)
-    bend += turn_b * part * _rate(rates.swing, shapes.body[b], v)
-    speed = part * (_rate(rates.speed, shapes.body[a], v) + _rate(rates.speed, shapes.body[b], v))
+    turn_a, turn_b = (
+        part * _rate(a, rates.turn, rates, shapes, v),
+        part * _rate(b, rates.turn, rates, shapes, v),
+    )
+    bend = turn_a * part * _rate(a, rates.swing, rates, shapes, v)
+    bend += turn_b * part * _rate(b, rates.swing, rates, shapes, v)
+    speed = part * (
+        rate_of(rates.speed, rates.moved, shapes.body[a], v)
+        + rate_of(rates.speed, rates.moved, shapes.body[b], v)
+    )
     apart = speed + _farthest(a, b, shapes, begin)
     best = -math.inf
     for k in range(3):
@@ -176,12 +189,10 @@ def _least_distance(
     return best
 
 
-@kernel
-def _rate(of: Reals, b: int, v: Reals) -> float:
-    total = 0.0
-    for i in range(len(v)):
-        total += of[b, i] * abs(v[i])
-    return total
+@inner_kernel
+def _rate(g: int, bounds: Reals, rates: Rates, shapes: Shapes, v: Reals) -> float:
+    """A bound of what velocities do to the body of geom g."""
+    return rate_of(bounds, rates.moved, shapes.body[g], v)
 
 
 @kernel

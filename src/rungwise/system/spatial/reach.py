@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.contact.step import whole_matrix
 from rungwise.kernel import Ints, Reals, kernel
 
 if TYPE_CHECKING:
@@ -16,9 +17,15 @@ if TYPE_CHECKING:
 def reaches(model: mujoco.MjModel) -> Reals:
     """(b, n): a bound on the speed of any point of each body's geoms per unit of each velocity: 1 for
     translation; for a turn the farthest that a point of the body can be from the axis, link by link."""
+    moved = moved_by(model)
+    return whole_matrix(kept_reaches(model, moved), moved, model.nv)
+
+
+def kept_reaches(model: mujoco.MjModel, moved: Ints) -> Reals:
+    """What is kept of these (b, w) in the stretches moved (b, 2), see `moved_by` and `contact.step.spans`."""
     import mujoco
 
-    found = np.zeros((model.nbody, model.nv))
+    found = np.zeros((model.nbody, int((moved[:, 1] - moved[:, 0]).max(initial=0))))
     extent = np.zeros(model.nbody)
     for g in range(model.ngeom):
         b = int(model.geom_bodyid[g])
@@ -27,11 +34,11 @@ def reaches(model: mujoco.MjModel) -> Reals:
             extent[b] = max(extent[b], float(np.linalg.norm(model.geom_pos[g])) + size)
     link = np.linalg.norm(model.body_pos, axis=1) + _travel(model)
     for b in range(1, model.nbody):
-        away, at = float(extent[b]), b
+        away, at, shift = float(extent[b]), b, int(moved[b, 0])
         while at > 0:
             first, count = int(model.body_jntadr[at]), int(model.body_jntnum[at])
             for j in range(first, first + count):
-                address, kind = int(model.jnt_dofadr[j]), int(model.jnt_type[j])
+                address, kind = int(model.jnt_dofadr[j]) - shift, int(model.jnt_type[j])
                 arm = away + float(np.linalg.norm(model.jnt_pos[j]))
                 if kind == mujoco.mjtJoint.mjJNT_SLIDE:
                     found[b, address] = 1.0
@@ -61,20 +68,31 @@ def vectors(model: mujoco.MjModel) -> Ints:
 
 
 @kernel
-def fastest_point(reaches: Reals, vectors: Ints, v: Reals, lengths: Reals) -> float:
-    """The greatest speed of any point at velocities v (n,), by these bounds, in any frame; `lengths` (g,) is
-    scratch."""
-    greatest, count = 0.0, len(vectors) - 1
-    for g in range(count):
-        lengths[g] = abs(v[vectors[g]])
-        for i in range(vectors[g] + 1, vectors[g + 1]):
-            lengths[g] = math.hypot(lengths[g], v[i])
+def fastest_point(reaches: Reals, moved: Ints, vectors: Ints, v: Reals, lengths: Reals) -> float:
+    """The greatest speed of any point at velocities v (n,), by these bounds, which are kept in the stretches
+    moved (b, 2), in any frame; `lengths` (n,) is scratch."""
+    greatest = 0.0
+    for g in range(len(vectors) - 1):
+        first = vectors[g]
+        lengths[first] = abs(v[first])
+        for i in range(first + 1, vectors[g + 1]):
+            lengths[first], lengths[i] = math.hypot(lengths[first], v[i]), 0.0
     for b in range(len(reaches)):
         speed = 0.0
-        for g in range(count):
-            speed += reaches[b, vectors[g]] * lengths[g]
+        for i in range(moved[b, 0], moved[b, 1]):
+            speed += reaches[b, i - moved[b, 0]] * lengths[i]
         greatest = max(greatest, speed)
     return greatest
+
+
+@kernel
+def rate_of(bounds: Reals, moved: Ints, b: int, v: Reals) -> float:
+    """A bound of what velocities v (n,) do to body b, by bounds per unit of each, which are kept in the
+    stretches moved (b, 2)."""
+    total = 0.0
+    for i in range(moved[b, 0], moved[b, 1]):
+        total += bounds[b, i - moved[b, 0]] * abs(v[i])
+    return total
 
 
 def _travel(model: mujoco.MjModel) -> Reals:

@@ -17,6 +17,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, copy, kernel, rare_kernel
 from rungwise.system.moving import Moment
 from rungwise.system.spatial.loads import Loads, fill_fall
@@ -122,10 +123,12 @@ def _prepare(of: Rotors, loads: Loads, moment: Moment, terms: Terms, factors: bo
         first, count, a = of.trees[t, 0], of.trees[t, 1], of.matrix[t]
         for i in range(count):
             at, total = first + i, terms.load[first + i]
+            low, _ = stretch(terms.entries.matrices, at, len(v))
             for j in range(count):
-                held = h * terms.stiffness[at, first + j] + terms.damping[at, first + j]
+                own = first + j - low
+                held = h * terms.stiffness[at, own] + terms.damping[at, own]
                 total -= held * v[first + j]
-                a[i, j] = moment.inertia / h * terms.inertia[at, first + j] + held
+                a[i, j] = moment.inertia / h * terms.inertia[at, own] + held
             of.given[at] = total
         for r in range(terms.limit.shape[0]):
             _enter_servo(terms, r, h, v, first, count, a, of.given)

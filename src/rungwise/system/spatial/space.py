@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rungwise.contact.step import Widths
 from rungwise.kernel import Ints, Reals, RecordArray, steady
 from rungwise.scene.space.laws import touching
 from rungwise.system.entries import CROWDED
@@ -38,7 +39,7 @@ from rungwise.system.spatial.native import load
 from rungwise.system.spatial.passing import rates
 from rungwise.system.spatial.patch.contacts import Contacts
 from rungwise.system.spatial.patch.shapes import Frames, shapes, thinnest
-from rungwise.system.spatial.reach import fastest_point, moved_by, reaches, vectors
+from rungwise.system.spatial.reach import fastest_point, kept_reaches, moved_by, vectors
 from rungwise.system.spatial.resting import resting
 from rungwise.system.spatial.rotors import rotors
 from rungwise.system.spatial.turning import NUMBERS, allocate_turning
@@ -94,7 +95,8 @@ class Space:
         _set_options(m)
         self.data = mujoco.MjData(m)
         self.directions = directions(m)
-        self.reaches = reaches(m)
+        span = moved_by(m)
+        self.reaches = kept_reaches(m, span)
         made = shapes(m)
         thin, self.drives = thinnest(m, made), drives(m)
         self.contacts = Contacts(m, self.data, made)
@@ -103,11 +105,13 @@ class Space:
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
-        self.lever = self.reaches.max(axis=0, initial=0.0)
+        self.lever = np.zeros(m.nv)
+        for (first, end), own in zip(span, self.reaches, strict=True):
+            self.lever[first:end] = np.maximum(self.lever[first:end], own[: end - first])
         self.lever[self.lever == 0.0] = length
         self.solids = Solids(
             body=m.geom_bodyid.astype(np.int64), size=sizes, law=self.laws.law, laws=self.laws.rows,
-            free=np.isnan(self.pace).astype(np.int64), span=moved_by(m),
+            free=np.isnan(self.pace).astype(np.int64), span=span,
             centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._framed: mujoco.MjData | None = None
@@ -137,7 +141,8 @@ class Space:
         named = laws_named(self.laws.named, self._laws_of)
         self.size = Size(
             m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length, SLIP * thin,
-            m.nv >= CROWDED, named, skewed(m), self.room + limit_count(self.limited),
+            widths(m, self.solids.span, self.loads.stretch) if m.nv >= CROWDED else None, named, skewed(m),
+            self.room + limit_count(self.limited),
         )  # fmt: skip
         self.falls = self.loads.falls
         self._put_at, self._fill, self._passes = steady(put_at), steady(fill_terms), steady(may_go_through)
@@ -155,7 +160,8 @@ class Space:
             margin=self._margin, least=self._least, near=self._near, room=np.array([self.room]),
             joint_margin=m.jnt_margin, joint_lever=self.lever[m.jnt_dofadr], tendon_margin=m.tendon_margin,
             finder=self.contacts.finder, loads=self.loads, rotors=self.rotors, limited=self.limited,
-            solids=self.solids, rates=rates(m, self.reaches), reaches=self.reaches, vectors=which,
+            solids=self.solids, rates=rates(m, self.solids.span, self.reaches), reaches=self.reaches,
+            vectors=which,
             one=one, other=other, turn=self._turn, numbers=self.numbers, activation=self.activation,
             expected=self.begun.copy(), place=data.xpos, axes=data.xmat,
             geoms=np.array([g for geoms in own for g in geoms], np.int64),
@@ -166,7 +172,7 @@ class Space:
             ),
             active=np.zeros(len(self._slots), np.int64), known=np.zeros(self.most, np.int64),
             energy=data.energy, momentum=np.zeros(m.nv), after=np.zeros(m.nq),
-            lengths=np.zeros(len(which) - 1), begun=frames[0], ended=frames[1],
+            lengths=np.zeros(m.nv), begun=frames[0], ended=frames[1],
         )  # fmt: skip
 
     @property
@@ -269,7 +275,9 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * self._fastest_point(self.reaches, self.mechanism.vectors, v, self.mechanism.lengths)
+        return 2.0 * self._fastest_point(
+            self.reaches, self.solids.span, self.mechanism.vectors, v, self.mechanism.lengths
+        )
 
     def passes(self, q: Reals, v: Reals, h: float) -> bool:
         found = self._passes(self.mechanism, q, v, h)
@@ -372,6 +380,16 @@ def directions(model: mujoco.MjModel) -> int:
     dims = np.concatenate([model.geom_condim[touching(model)], model.pair_dim])
     most = int(dims.max(initial=3))
     return max(most, 3)
+
+
+def widths(model: mujoco.MjModel, moved: Ints, coupled: Ints) -> Widths:
+    """Columns at most of a contact, whose bodies the velocities in the stretches moved (b, 2) may move, or of
+    a limit, and of a row of matrices, in the stretches coupled (n, 2)."""
+    m, rows = model, 2 * int((moved[:, 1] - moved[:, 0]).max(initial=0))
+    for t in np.flatnonzero(m.tendon_limited):
+        own = m.ten_J_colind[m.ten_J_rowadr[t] :][: m.ten_J_rownnz[t]]
+        rows = max(rows, int(own.max() - own.min()) + 1) if len(own) else rows
+    return Widths(min(rows, m.nv), int((coupled[:, 1] - coupled[:, 0]).max(initial=0)))
 
 
 def skewed(model: mujoco.MjModel) -> bool:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.block import Block
+from rungwise.contact.step import stretch
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
 
 if TYPE_CHECKING:
@@ -118,12 +119,13 @@ def potential(v: Reals, momentum: Reals, mass: Reals, centre: Reals, gravity: Re
 
 
 @kernel
-def change(M: Reals, taken: Reals, old: Reals, new: Reals, eps: float, h: float) -> float:
+def change(M: Reals, stretches: Ints, taken: Reals, old: Reals, new: Reals, eps: float, h: float) -> float:
     """The work of what changes velocities (n,) from old to new, and of the forces taken, in a step of h."""
     work = 0.0
     for i in range(len(old)):
         push = h * taken[i]
-        for j in range(len(old)):
-            push += eps * M[i, j] * (new[j] - old[j])
+        low, high = stretch(stretches, i, len(old))
+        for j in range(low, high):
+            push += eps * M[i, j - low] * (new[j] - old[j])
         work += 0.5 * (old[i] + new[i]) * push
     return work

@@ -81,7 +81,7 @@ def _masses(
         pairs = bare.bind(parameters).records.pairs["contact"]
         for row, slot in enumerate(run.workspace.scratch.slots[: int(clock["contacts"])]):
             if slot // 2 < len(pairs) and pairs[slot // 2] == k:
-                moves = flexibility(terms, 2 * row, free)
+                moves = flexibility(terms, row, free)
                 if moves > 0.0:
                     found.setdefault(k, 1.0 / moves)
     return found

@@ -16,8 +16,8 @@ from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.straight import way_is_clear
 from rungwise.system.planar.contact_manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
 from rungwise.system.planar.place import place
-from rungwise.system.planar.terms import constants, loads
-from rungwise.system.terms import SUPPORT
+from rungwise.system.planar.terms import constants, couple, loads
+from rungwise.system.terms import SUPPORT, rows_of
 from rungwise.world.carriers import ROUNDED, Beside, Near, Outline, Surfaces, Touches, frame_of
 from rungwise.world.planar.boundary import boundary
 from rungwise.world.planar.place import PlanarPlace
@@ -82,6 +82,7 @@ class PlanarSurroundings:
         self._passive, self._contacts = np.zeros(len(state.q)), 2 * len(self._records.pairs)
         self._of_pair = np.array(self._records.pairs["contact"], np.int64)
         self._outlines: dict[int, Outline] = {}
+        couple(self._records, self._workspace.terms.entries.matrices)
         count = int(constants(self._records, self._workspace.terms))
         self._rubbed = np.flatnonzero(self._workspace.terms.account[:count] == SUPPORT)
 
@@ -144,7 +145,7 @@ class PlanarSurroundings:
         return Touches(
             pairs=self._of_pair[pairs], features=pairs * FEATURES + state.manifolds.features[slots],
             gaps=points[:, GAP].copy(), points=points[:, POINT_X:], normals=points[:, NORMAL_X:POINT_X],
-            rows=terms.rows[: 2 * count].reshape(count, 2, len(q)).copy(),
+            rows=rows_of(terms, count),
             friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(), poses=poses,
             loads=acting, supports=Surfaces(terms.limited[self._rubbed], terms.limit[self._rubbed]),
             faces=np.arange(count), beside=_NONE,

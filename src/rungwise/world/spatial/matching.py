@@ -125,7 +125,7 @@ def _masses(
             if a < 0 or (a, b) in found:
                 continue
             free = stepper.state.free[: int(stepper.clock["free"])]
-            moves = flexibility(terms, k * d, free)
+            moves = flexibility(terms, k, free)
             if moves > 0.0:
                 found[a, b] = 1.0 / moves
     return found

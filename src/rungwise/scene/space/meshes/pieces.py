@@ -100,8 +100,9 @@ def _concave(spec: mujoco.MjSpec, model: mujoco.MjModel, said: Mapping[str, str 
 
     m, kind, names = model, mujoco.mjtGeom.mjGEOM_MESH, labels(model)
     convex = {each.id for each in spec.meshes if each.inertia == mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX}
-    touch, found = np.unique(touching_pairs(m)), []
-    for geom in touch[m.geom_type[touch] == kind].tolist():
+    meshes, found = np.flatnonzero(m.geom_type == kind), []
+    touch = touching_pairs(m) if len(meshes) else meshes
+    for geom in meshes[np.isin(meshes, touch)].tolist():
         mesh = int(m.geom_dataid[geom])
         if mesh in convex:
             continue

@@ -15,6 +15,7 @@ from rungwise.models.assemble import approach
 from rungwise.simulation.core.state import IMPULSIVE, KINETIC, STATIC, Trial
 from rungwise.simulation.core.tolerances import ACROSS
 from rungwise.system.moving import FurtherLaws, Size, fall_freely
+from rungwise.system.terms import normals_of
 
 
 def law_arrays(size: Size) -> tuple[Reals, Reals]:
@@ -46,12 +47,10 @@ class Further:
         slots, named = scratch.slots[:count], self.named
         if self.pulls and rung[0].loads:
             if begins:
-                d = state.force.shape[1]
                 pushed = (state.modes[slots] != OPEN).astype(np.int64)
-                self._pull[:] = (
-                    -named.pull(slots, terms.gap[:count] - terms.rounding[0], pushed)
-                    @ terms.rows[: count * d : d]
-                )
+                self._pull[:] = -named.pull(
+                    slots, terms.gap[:count] - terms.rounding[0], pushed
+                ) @ normals_of(terms, count)
             terms.load[:] += self._pull
             fall_freely(terms, np.where(state.prescribed == 1, 0.0, np.nan))
         if state.laws.shape[1] > 0:
@@ -70,9 +69,9 @@ class Further:
         rung, h, terms, count, state, scratch, _ = trial
         if not rung[0].inertia > 0.0:
             return h
-        d, slots = state.force.shape[1], scratch.slots[:count]
+        slots = scratch.slots[:count]
         held = (state.modes[slots] != OPEN) & (not rung[0].compliant and not state.clock[0].bounced)
-        rate = terms.rows[: count * d : d] @ np.where(state.prescribed == 1, state.speed, state.v)
+        rate = normals_of(terms, count) @ np.where(state.prescribed == 1, state.speed, state.v)
         rate[held] = 0.0
         return self.named.until_edge(slots, terms.gap[:count], rate, ACROSS, float(terms.rounding[0]), h)
 

@@ -16,11 +16,11 @@ and supports do, acts in the balance of both as in any step.
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes
+from rungwise.contact.step import OPEN, SOLVED, STICK, Sizes, has_column, place_in, span
 from rungwise.kernel import kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.simulation.core.chains import solve_scratch
-from rungwise.simulation.core.state import IMPULSIVE, Trial, columns_of, sizes_in
+from rungwise.simulation.core.state import IMPULSIVE, Trial, sizes_in
 from rungwise.system.terms import APART
 
 RESTITUTION, GAP, NORMAL = 0, 1, 2
@@ -64,13 +64,12 @@ def expand(trial: Trial) -> int:
     d, added = problem.R.shape[1], 0
     for k in range(contacts):
         normal, e = scratch.contact_force[d * k], scratch.impact[RESTITUTION, k]
-        first, middle, second, last = columns_of(trial, k)
-        for part in range(2):
-            begin, end = (first, middle) if part == 0 else (second, last)
-            for j in range(begin, end):
-                push = problem.W[d * k, j] * (1.0 + e) * normal
+        for side in range(2):
+            first, end, shift = span(trial.terms.entries.columns, k, side, n)
+            for j in range(first, end):
+                push = problem.W[d * k, j - shift] * (1.0 + e) * normal
                 for i in range(1, d):
-                    push += problem.W[d * k + i, j] * scratch.contact_force[d * k + i]
+                    push += problem.W[d * k + i, j - shift] * scratch.contact_force[d * k + i]
                 problem.c[j] += push
         if e * normal * problem.mu[k] > 0.0:
             _rub(trial, k, e * normal * problem.mu[k], limited + added)
@@ -97,12 +96,12 @@ def _rub(trial: Trial, k: int, most: float, first: int) -> None:
     several."""
     terms, scratch, problem = trial.terms, trial.scratch, trial.problem
     d, e = problem.R.shape[1], scratch.impact[RESTITUTION, k]
-    begin, middle, second, last = columns_of(trial, k)
+    columns = terms.entries.columns
     for i in range(1, d):
         r = first + i - 1
         for j in range(trial.state.clock[0].free):
-            within = begin <= j < middle or second <= j < last
-            problem.S[r, j] = problem.W[d * k + i, j] if within else 0.0
+            kept = has_column(columns, k, j)
+            problem.S[r, j] = problem.W[d * k + i, place_in(columns, k, j)] if kept else 0.0
         problem.R_s[r], problem.w_s[r], problem.F[r] = 0.0, problem.w[d * k + i], most
         terms.surface[r] = first if d > 2 else APART
         scratch.mode[trial.contacts + r] = STICK

@@ -10,10 +10,10 @@ with static friction.
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, STICK
+from rungwise.contact.step import OPEN, STICK, span
 from rungwise.kernel import kernel, rare_kernel
-from rungwise.simulation.core.state import KINETIC, STATIC, State, Trial, columns_of
-from rungwise.system.entries import is_crowded, rate, spans
+from rungwise.simulation.core.state import KINETIC, STATIC, State, Trial
+from rungwise.system.entries import rate
 from rungwise.system.terms import Terms
 
 
@@ -42,13 +42,10 @@ def _sticks(trial: Trial, k: int) -> bool:
 def _slip(r: int, d: int, terms: Terms, state: State) -> float:
     """Rate of row r where the step begins."""
     slip = rate(terms.entries, terms.rows, r, d, state.speed)
-    first, middle, second, last = 0, state.v.shape[0], 0, 0
-    if is_crowded(terms.entries):
-        first, middle, second, last = spans(terms.entries.rows, r // d)
-    for i in range(first, middle):
-        slip += 0.0 if state.prescribed[i] else terms.rows[r, i] * state.v[i]
-    for i in range(second, last):
-        slip += 0.0 if state.prescribed[i] else terms.rows[r, i] * state.v[i]
+    for side in range(2):
+        first, end, shift = span(terms.entries.rows, r // d, side, len(state.v))
+        for i in range(first, end):
+            slip += 0.0 if state.prescribed[i] else terms.rows[r, i - shift] * state.v[i]
     return slip
 
 
@@ -77,13 +74,13 @@ def _slides(trial: Trial, k: int) -> bool:
     scratch, problem, d = trial.scratch, trial.problem, trial.terms.contact_stiffness.shape[1]
     if scratch.mode[k] == OPEN or scratch.mode[k] == STICK:
         return False
+    columns, n = trial.terms.entries.columns, trial.state.clock[0].free
     for i in range(1, d):
         slip = problem.w[d * k + i]
-        first, middle, second, last = columns_of(trial, k)
-        for j in range(first, middle):
-            slip += problem.W[d * k + i, j] * scratch.x[j]
-        for j in range(second, last):
-            slip += problem.W[d * k + i, j] * scratch.x[j]
+        for side in range(2):
+            first, end, shift = span(columns, k, side, n)
+            for j in range(first, end):
+                slip += problem.W[d * k + i, j - shift] * scratch.x[j]
         for j in range(d):
             slip += problem.R[k, i, j] * scratch.contact_force[d * k + j]
         if abs(slip) > problem.quantum[0]:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step import STICK, allocate_problem
+from rungwise.contact.step import STICK, Widths, allocate_problem
 from rungwise.kernel import Reals
 from rungwise.mould import Mould
 from rungwise.scene.fields.laws.contact import POISSON, STICKS
@@ -36,6 +36,7 @@ from rungwise.system.planar.place import allocate_placement
 from rungwise.system.planar.pressed import allocate_surfaces
 from rungwise.system.planar.seams import allocate_seams
 from rungwise.system.planar.supports import foot_rows
+from rungwise.system.planar.terms import couple
 from rungwise.system.terms import allocate_terms
 
 Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
@@ -44,6 +45,8 @@ Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
 RECORDED = 100_000_000
 """Numbers (800 MB) in the frames of a crowded run, at most, but for three frames: each has a place for each
 pair of shapes that may touch."""
+BODY = 3
+"""Coordinates of a body at most."""
 NEAR_EACH = 8
 """Contacts near each shape that a crowded step has room for."""
 ROOM = 1_000_000
@@ -94,6 +97,15 @@ def _side(records: Records, limited: int) -> int:
     return len(records.coordinates) + limited if len(records.measures) > 0 else 0
 
 
+def _widths(records: Records) -> Widths:
+    """Columns at most of a contact, which is of two bodies or holds a coordinate, and of a row of
+    matrices."""
+    n = len(records.coordinates)
+    stretches = np.zeros((n, 2), np.int64)
+    couple(records, stretches)
+    return Widths(min(2 * BODY, n), int((stretches[:, 1] - stretches[:, 0]).max()))
+
+
 def allocate(template: Template, values: Reals, frames: int, noted: bool = False) -> Workspace:
     """Arrays for a scene bound at these values; q, v, gaps and forces are views into a copy of `values`,
     where conditions read them.
@@ -121,7 +133,8 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     at, inputs, named = len(template.parameters) + 1, len(template.inputs), records.contacts["laws"]
     impacts = rows if (named & POISSON).any() else 0
     limited, surfaces = limited + impacts, allocate_surfaces(records)
-    problem = allocate_problem(n, rows, limited)
+    widths = _widths(records) if crowded else None
+    problem = allocate_problem(n, rows, limited, d, widths)
     notes = max(ROOM, room_for_notes(n, rows, limited, d)) if noted else 0
     fields: Fields = {  # in the order of `in_memory`
         "clock": ((1,), CLOCK),
@@ -181,8 +194,10 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     if crowded:
         frames = min(frames, max(3, RECORDED // (len(memory) + 2 * slots)))
     before, kept, whole = (_snapshot(*_in_one_array(fields), at, n) for _ in range(3))
+    terms = allocate_terms(n, rows, limited, d, widths, surfaces)
     early = Early(
-        rows=np.zeros((2 * rows, n)),
+        rows=np.zeros_like(terms.rows),
+        spans=np.zeros_like(terms.entries.rows),
         gap=np.zeros(slots),
         number=np.zeros(slots, np.int64),
         features=np.full(slots, ABSENT, np.int64),
@@ -208,7 +223,7 @@ def _allocated(template: Template, frames: int, noted: bool) -> Workspace:
     return Workspace(
         state=state,
         watched=allocate_watched(state.clock, values, state.levels, slots_of),
-        terms=allocate_terms(n, rows, limited, d, crowded, surfaces),
+        terms=terms,
         seams=allocate_seams(records),
         course=allocate_course(records),
         problem=problem,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import stretch
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.ways import set_ways
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
-from rungwise.system.entries import stretch
 from rungwise.system.planar import joints
 from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.terms import potential_energy
@@ -69,9 +69,9 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
     clock = state.clock[0]
     kinetic = 0.0
     for i in range(state.v.shape[0]):
-        first, end = stretch(terms.entries, i, state.v.shape[0])
+        first, end = stretch(terms.entries.matrices, i, state.v.shape[0])
         for j in range(first, end):
-            kinetic += 0.5 * rung[0].inertia * terms.inertia[i, j] * state.v[i] * state.v[j]
+            kinetic += 0.5 * rung[0].inertia * terms.inertia[i, j - first] * state.v[i] * state.v[j]
     elastic = 0.0
     if rung[0].compliant:
         for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):

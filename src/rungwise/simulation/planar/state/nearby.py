@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import diagonal
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.fields.laws.contact import PULLS, REBOUNDS, pulls_within
 from rungwise.scene.template.records import FREE, HINGE, Records
@@ -195,7 +196,8 @@ def fastest_pair(
             i = body.coordinate + j
             rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
             if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
-                rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
+                own = rung[0].inertia * diagonal(terms.inertia, terms.entries.matrices, i)
+                rate += h * abs(terms.load[i]) / own
             if turns(body, i):
                 spin = rate
             elif j == 0:

@@ -85,12 +85,13 @@ class Scratch(core.Scratch):
 
 
 class Early(Block):
-    """What a step began with: rows of each contact, gap and feature of each slot (ABSENT where nothing was
-    near) and the number of its contact, the rows of joints and of their measures, the load without and with
-    the forces in joints, the passive load; `v` is the first solution, `yielded` half of what contacts yield
-    in it; `trial` (2, n) are rows at its end."""
+    """What a step began with: rows of each contact and their spans, gap and feature of each slot (ABSENT
+    where nothing was near) and the number of its contact, the rows of joints and of their measures, the load
+    without and with the forces in joints, the passive load; `v` is the first solution, `yielded` half of what
+    contacts yield in it; `trial` (2, n) are rows at its end."""
 
     rows: Reals
+    spans: Ints
     gap: Reals
     number: Ints
     features: Ints

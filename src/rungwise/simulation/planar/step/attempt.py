@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN
+from rungwise.contact.step import OPEN, has_column, place_in, span
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.template.records import SERVO, Records
@@ -31,6 +31,7 @@ from rungwise.simulation.planar.step.midpoint_rows import (
 )
 from rungwise.simulation.planar.step.opened_contacts import note_opened
 from rungwise.simulation.planar.step.preferred_motion import SUDDEN, choose_motion
+from rungwise.system.entries import rate
 from rungwise.system.moving import SLIP
 from rungwise.system.planar import joints
 from rungwise.system.planar.contact_manifold import ABSENT, GAP
@@ -244,7 +245,8 @@ def _takes_along(i: int, contacts: int, workspace: Workspace) -> bool:
     """Whether coordinate i takes part in a contact that pushes, or in a joint."""
     clock, terms, takes = workspace.state.clock[0], workspace.terms, False
     for k in range(contacts):
-        takes |= workspace.scratch.contact_force[2 * k] > 0.0 and terms.rows[2 * k, i] != 0.0
+        if workspace.scratch.contact_force[2 * k] > 0.0 and has_column(terms.entries.rows, k, i):
+            takes |= terms.rows[2 * k, place_in(terms.entries.rows, k, i)] != 0.0
     for r in range(clock.drives, clock.limited):
         takes |= terms.limited[r, i] != 0.0
     return takes
@@ -270,10 +272,8 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
             and terms.gap[k] > terms.rounding[0]
             and scratch.contact_force[2 * k] > 0.0
         ):
-            rate = 0.0
-            for i in range(scratch.v_new.shape[0]):
-                rate += terms.rows[2 * k, i] * scratch.v_new[i]
-            met = abs(terms.gap[k] + h * rate) <= 1e-6 * terms.gap[k]
+            moved = rate(terms.entries, terms.rows, 2 * k, 2, scratch.v_new)
+            met = abs(terms.gap[k] + h * moved) <= 1e-6 * terms.gap[k]
             if met and approach(2 * k, terms, state.v, state.speed, state.free, clock.free, clock.eps) < 0.0:
                 return True
     return False
@@ -298,9 +298,11 @@ def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scrat
     exchanged = 0.0
     for r in range(2 * contacts):
         before, after = 0.0, 0.0
-        for i in range(state.v.shape[0]):
-            before += abs(terms.rows[r, i] * state.v[i])
-            after += abs(terms.rows[r, i] * scratch.v_new[i])
+        for side in range(2):
+            first, end, shift = span(terms.entries.rows, r // 2, side, state.v.shape[0])
+            for i in range(first, end):
+                before += abs(terms.rows[r, i - shift] * state.v[i])
+                after += abs(terms.rows[r, i - shift] * scratch.v_new[i])
         exchanged += h * abs(scratch.contact_force[r]) * max(before, after)
     tolerated: float = max(ROUNDED, state.clock[0].residual)
     return tolerated * exchanged

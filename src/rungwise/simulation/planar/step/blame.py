@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import TOLERANCE
+from rungwise.contact.step import TOLERANCE, span
 from rungwise.kernel import RecordArray, inner_kernel, rare_kernel
 from rungwise.simulation.core.crawl import (
     CAUSES,
@@ -77,11 +77,13 @@ def _violated(contacts: int, workspace: Workspace) -> int:
     """The slot of the contact whose bodies approach most in what was found last of a problem without
     solution, or else of the greatest force, or -1."""
     problem, scratch, n = workspace.problem, workspace.scratch, workspace.state.clock[0].free
-    violated, least = -1, 0.0
+    violated, least, columns = -1, 0.0, workspace.terms.entries.columns
     for k in range(contacts):
         rate = problem.w[2 * k]
-        for i in range(n):
-            rate += problem.W[2 * k, i] * scratch.x[i]
+        for side in range(2):
+            first, end, shift = span(columns, k, side, n)
+            for i in range(first, end):
+                rate += problem.W[2 * k, i - shift] * scratch.x[i]
         for j in range(2):
             rate += problem.R[k, 0, j] * scratch.contact_force[2 * k + j]
         if math.isfinite(rate) and rate < least:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN
+from rungwise.contact.step import OPEN, diagonal, span
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.fields.laws.contact import PULLS
 from rungwise.scene.template.records import Records
@@ -218,11 +218,15 @@ def until_contact(
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, 0.0))
     for k in range(gather(records, workspace)):
         rate, ease = 0.0, 0.0
-        for i in range(state.v.shape[0]):
-            row = terms.rows[2 * k, i]
-            rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
-            if sprung and not state.prescribed[i] and math.isfinite(terms.contact_stiffness[k, 0, 0]):
-                ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
+        yields = sprung and math.isfinite(terms.contact_stiffness[k, 0, 0])
+        for side in range(2):
+            first, end, shift = span(terms.entries.rows, k, side, state.v.shape[0])
+            for i in range(first, end):
+                row = terms.rows[2 * k, i - shift]
+                rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
+                if yields and not state.prescribed[i]:
+                    own = rung[0].inertia * diagonal(terms.inertia, terms.entries.matrices, i)
+                    ease += row * row * terms.contact_stiffness[k, 0, 0] / own
         pushes = state.modes[workspace.scratch.slots[k]] != OPEN and terms.gap[k] <= held
         if pushes and not sprung:
             continue

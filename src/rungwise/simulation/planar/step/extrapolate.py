@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN
+from rungwise.contact.step import OPEN, span, stretch
 from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.memory import bring_back, remember
@@ -57,11 +57,13 @@ def is_pressed(h: float, workspace: Workspace) -> bool:
     for k in range(state.clock[0].contacts):
         if scratch.mode[k] != OPEN:
             change, ease = 0.0, 0.0
-            for i in range(state.v.shape[0]):
-                row = terms.rows[2 * k, i]
-                change += row * (state.v[i] - whole.v[i])
-                if not state.prescribed[i]:
-                    ease += row * row / terms.heft[i, INERTIA]
+            for side in range(2):
+                first, end, shift = span(terms.entries.rows, k, side, state.v.shape[0])
+                for i in range(first, end):
+                    row = terms.rows[2 * k, i - shift]
+                    change += row * (state.v[i] - whole.v[i])
+                    if not state.prescribed[i]:
+                        ease += row * row / terms.heft[i, INERTIA]
             if abs(change) > PRESSED * h * ease * scratch.contact_force[2 * k]:
                 return False
     return True
@@ -113,13 +115,15 @@ def extrapolate(records: Records, rung: RecordArray, workspace: Workspace) -> No
 def _balance(rung: RecordArray, workspace: Workspace) -> None:
     """Extrapolate the works. Kinetic energy is a square: it ends higher than the extrapolated one by that of
     twice the correction of velocity, halved, which the works share in proportion to their changes."""
-    state, whole, kept = workspace.state, workspace.whole, workspace.kept.clock[0]
+    state, terms = workspace.state, workspace.terms
+    whole, kept = workspace.whole, workspace.kept.clock[0]
     clock, far = state.clock[0], whole.clock[0]
     square = 0.0
     for i in range(state.v.shape[0]):
-        for j in range(state.v.shape[0]):
+        first, end = stretch(terms.entries.matrices, i, state.v.shape[0])
+        for j in range(first, end):
             change = (state.v[i] - whole.v[i]) * (state.v[j] - whole.v[j])
-            square += rung[0].inertia * workspace.terms.inertia[i, j] * change
+            square += rung[0].inertia * terms.inertia[i, j - first] * change
     clock.drive_work += clock.drive_work - far.drive_work
     clock.load_work += clock.load_work - far.load_work
     clock.contact_work += clock.contact_work - far.contact_work

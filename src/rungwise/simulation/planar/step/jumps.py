@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import stretch
 from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.template.records import Records
@@ -17,7 +18,6 @@ from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.core.tolerances import SHORTER
 from rungwise.simulation.planar.state.nearby import gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
-from rungwise.system.entries import stretch
 
 GROWN = 2.0
 """A jump is looked for only where acceleration has grown by this factor since the last step."""
@@ -94,7 +94,7 @@ def _norm(workspace: Workspace, less: float) -> float:
     v, v_new, inertia = workspace.state.v, workspace.scratch.v_new, workspace.terms.inertia
     total = 0.0
     for i in range(v.shape[0]):
-        first, end = stretch(workspace.terms.entries, i, v.shape[0])
+        first, end = stretch(workspace.terms.entries.matrices, i, v.shape[0])
         for j in range(first, end):
-            total += (v_new[i] - less * v[i]) * inertia[i, j] * (v_new[j] - less * v[j])
+            total += (v_new[i] - less * v[i]) * inertia[i, j - first] * (v_new[j] - less * v[j])
     return math.sqrt(max(total, 0.0))

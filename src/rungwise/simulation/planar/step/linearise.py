@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rungwise.contact.step import span
 from rungwise.kernel import RecordArray, copy, rare_kernel
 from rungwise.scene.fields.laws.contact import PULLS
 from rungwise.scene.template.records import Records
@@ -58,8 +59,10 @@ def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scr
         for j in range(scratch.v_new.shape[0]):
             terms.error[r, 0] += h * terms.limited[r, j] * scratch.v_new[j]
     for k in range(contacts):
-        for j in range(scratch.v_new.shape[0]):
-            terms.gap[k] -= h * terms.rows[2 * k, j] * scratch.v_new[j]
+        for side in range(2):
+            first, end, shift = span(terms.entries.rows, k, side, scratch.v_new.shape[0])
+            for j in range(first, end):
+                terms.gap[k] -= h * terms.rows[2 * k, j - shift] * scratch.v_new[j]
 
 
 @rare_kernel
@@ -77,8 +80,10 @@ def take_back(h: float, contacts: int, workspace: Workspace) -> bool:
         slot, gap = scratch.slots[k], terms.gap[k]
         same = slot < features.shape[0] and features[slot] == workspace.before.features[slot]
         if same and scratch.contact_force[2 * k] > 0.0:
-            for j in range(scratch.v_new.shape[0]):
-                gap += h * terms.rows[2 * k, j] * scratch.v_new[j]
+            for side in range(2):
+                first, end, shift = span(terms.entries.rows, k, side, scratch.v_new.shape[0])
+                for j in range(first, end):
+                    gap += h * terms.rows[2 * k, j - shift] * scratch.v_new[j]
             turned = gap - state.manifolds.points[slot, GAP]
             if turned > terms.rounding[0]:
                 left = max(terms.gap[k], 0.0) - turned

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN
+from rungwise.contact.step import OPEN, span
 from rungwise.kernel import RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import HINGE, Records
 from rungwise.simulation.planar.state.nearby import farthest, swing
 from rungwise.simulation.planar.state.workspace import State, Workspace
-from rungwise.system.entries import fill_span
+from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar.contact_manifold import ABSENT
 from rungwise.system.planar.jacobian import contact_rows
@@ -44,7 +44,7 @@ def is_centred(rung: RecordArray, allowed: float, terms: Terms, state: State) ->
     for r in range(clock.limited):
         centred &= not 0.0 < terms.gains[r, 0] < math.inf
     for i in range(state.v.shape[0]):
-        for j in range(state.v.shape[0]):
+        for j in range(terms.stiffness.shape[1]):
             centred &= terms.stiffness[i, j] == 0.0
     return centred
 
@@ -63,9 +63,11 @@ def note_early(records: Records, contacts: int, workspace: Workspace) -> None:
         early.gap[slot] = terms.gap[k]
         early.number[slot] = k
         if clock.centred:
-            for i in range(state.v.shape[0]):
+            for i in range(terms.rows.shape[1]):
                 early.rows[2 * k, i] = terms.rows[2 * k, i]
                 early.rows[2 * k + 1, i] = terms.rows[2 * k + 1, i]
+            for i in range(4 if is_crowded(terms.entries) else 0):
+                early.spans[k, i] = terms.entries.rows[k, i]
     if not clock.centred:
         return
     for r in range(clock.limited):
@@ -142,11 +144,13 @@ def _turns(first: int, slot: int, turned: float, records: Records, workspace: Wo
         contact.body_a, contact.body_b, records.bodies, state.placed.pose, state.manifolds.points[slot],
         early.trial, 0,
     )  # fmt: skip
-    for d in range(2):
-        for i in range(state.v.shape[0]):
-            change = abs(early.trial[d, i] - early.rows[row + d, i])
-            if change > turned * swing(records, state, i):
-                return True
+    for side in range(2):
+        low, high, shift = span(early.spans, row // 2, side, state.v.shape[0])
+        for d in range(2):
+            for i in range(low, high):
+                change = abs(early.trial[d, i] - early.rows[row + d, i - shift])
+                if change > turned * swing(records, state, i):
+                    return True
     return False
 
 
@@ -201,11 +205,10 @@ def take_means(contacts: int, workspace: Workspace) -> None:
     for k in range(contacts):
         first = early_slot(workspace.scratch.slots[k], workspace)
         _yield_half(k, first, workspace)
-        if first >= 0:
-            fill_span(terms.entries, k, state.v.shape[0])
+        if first >= 0:  # of the same bodies, so that rows have entries in the same columns
             for d in range(2):
                 other = 2 * early.number[first] + d
-                for i in range(state.v.shape[0]):
+                for i in range(terms.rows.shape[1]):
                     terms.rows[2 * k + d, i] = 0.5 * (terms.rows[2 * k + d, i] + early.rows[other, i])
     for r in range(clock.limited):
         for i in range(state.v.shape[0]):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.linear import solve_in_place
-from rungwise.contact.step import OPEN, STICK
-from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
+from rungwise.contact.step import OPEN, STICK, diagonal, entry, span
+from rungwise.kernel import Ints, Reals, RecordArray, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.nearby import farthest, join
 from rungwise.simulation.planar.state.workspace import Workspace
@@ -52,18 +52,18 @@ def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
     impulses along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in
     which M has a unit diagonal."""
     state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
-    clock = state.clock[0]
+    clock, stretches = state.clock[0], terms.entries.matrices
     free = clock.free
     size = free
     for r in range(clock.drives, clock.limited):
         size += math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0])
     root = workspace.scratch.x
     for i in range(free):
-        root[i] = math.sqrt(terms.inertia[state.free[i], state.free[i]])
+        root[i] = math.sqrt(diagonal(terms.inertia, stretches, state.free[i]))
     a[:size, : size + 1] = 0.0
     for i in range(free):
         for j in range(free):
-            a[i, j] = terms.inertia[state.free[i], state.free[j]] / (root[i] * root[j])
+            a[i, j] = entry(terms.inertia, stretches, state.free[i], state.free[j]) / (root[i] * root[j])
             a[i, size] += a[i, j] * root[j] * change[state.free[j]]
     row = free
     for r in range(clock.drives, clock.limited):
@@ -88,16 +88,17 @@ def _keep_contacts(rung: RecordArray, h: float, workspace: Workspace, change: Re
     turn, it is of the order of the step, though no error of the motion. Stiff contacts count, and where they
     stick both rows."""
     clock, terms, scratch = workspace.state.clock[0], workspace.terms, workspace.scratch
+    whole = terms.entries.rows[:0]
     for _ in range(SWEEPS):
         for k in range(clock.contacts):
             for d in range(2):
                 mode = scratch.mode[k]
                 if mode == STICK or (mode != OPEN and d == 0):
                     stiff = terms.contact_stiffness[k, d, d] if rung[0].compliant else math.inf
-                    _keep_row(h, stiff, terms.rows[2 * k + d], workspace, change)
+                    _keep_row(h, stiff, terms.rows[2 * k + d], terms.entries.rows, k, workspace, change)
         for r in range(clock.drives, clock.limited):
             if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
-                _keep_row(h, math.inf, terms.limited[r], workspace, change)
+                _keep_row(h, math.inf, terms.limited[r], whole, 0, workspace, change)
 
 
 @rare_kernel
@@ -116,7 +117,8 @@ def _keep_until_rest(rung: RecordArray, h: float, later: float, workspace: Works
                 rate, ease, load = 0.0, 0.0, 0.0
                 for i in range(v.shape[0]):
                     rate += terms.limited[r, i] * v[i]
-                    ease += terms.limited[r, i] ** 2 / (rung[0].inertia * terms.inertia[i, i])
+                    own = diagonal(terms.inertia, terms.entries.matrices, i)
+                    ease += terms.limited[r, i] ** 2 / (rung[0].inertia * own)
                     load += abs(terms.limited[r, i] * terms.fall[i])
                 pace += rate * rate
                 slowing = min(slowing, terms.limit[r] * ease - load / rung[0].inertia)
@@ -131,18 +133,24 @@ def _keep_until_rest(rung: RecordArray, h: float, later: float, workspace: Works
 
 
 @kernel
-def _keep_row(h: float, stiff: float, row: Reals, workspace: Workspace, change: Reals) -> None:
-    """Take the part along a row from a change of velocity, by an impulse along it."""
+def _keep_row(
+    h: float, stiff: float, row: Reals, spans: Ints, k: int, workspace: Workspace, change: Reals
+) -> None:
+    """Take the part along a row, with entries in spans k, from a change of velocity, by an impulse along
+    it."""
     state, heft = workspace.state, workspace.terms.heft
     rate, ease = 0.0, 0.0
-    for i in range(row.shape[0]):
-        if not state.prescribed[i]:
-            rate += row[i] * change[i]
-            ease += row[i] * row[i] / heft[i, INERTIA]
-    if ease > 0.0 and h * h * stiff * ease > SETTLED * SETTLED:
-        for i in range(row.shape[0]):
+    for side in range(2):
+        first, end, shift = span(spans, k, side, change.shape[0])
+        for i in range(first, end):
             if not state.prescribed[i]:
-                change[i] -= rate / ease * row[i] / heft[i, INERTIA]
+                rate += row[i - shift] * change[i]
+                ease += row[i - shift] * row[i - shift] / heft[i, INERTIA]
+    for side in range(2 if ease > 0.0 and h * h * stiff * ease > SETTLED * SETTLED else 0):
+        first, end, shift = span(spans, k, side, change.shape[0])
+        for i in range(first, end):
+            if not state.prescribed[i]:
+                change[i] -= rate / ease * row[i - shift] / heft[i, INERTIA]
 
 
 @kernel

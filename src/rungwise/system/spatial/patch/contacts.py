@@ -11,6 +11,7 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.space.laws import LEAST, touching_pairs
 from rungwise.system.spatial.features import ContactSet, Seen, seen_in
+from rungwise.system.spatial.native import Ints32
 from rungwise.system.spatial.patch.fields import Fields, meet_field
 from rungwise.system.spatial.patch.geoms import Geoms
 from rungwise.system.spatial.patch.pairs import (
@@ -34,12 +35,14 @@ WIDE = 6
 
 
 class Pairs(Block):
-    """Geoms (p, 2) that may touch, in the order of their types; the sum of the radii of balls about them
-    (p,), about the second alone beside a plane; directions in which contacts resist (p,), and friction (p,
-    5): sliding, two directions, torsional, rolling, two directions."""
+    """Geoms (p, 2) that may touch, in the order of their types, and the kind (p,) of their contacts, in short
+    integers, for they are many; radii (g,) of balls about geoms, 0 of a plane; of each kind the directions in
+    which contacts resist (k,), and friction (k, 5): sliding, two directions, torsional, rolling, two
+    directions."""
 
-    geoms: Ints
-    bound: Reals
+    geoms: Ints32
+    kind: Ints32
+    radius: Reals
     dim: Ints
     friction: Reals
 
@@ -68,22 +71,34 @@ def pairs(model: mujoco.MjModel) -> Pairs:
     geoms = geoms[~fixed[geoms].all(axis=1) & ~np.isin(kind[geoms], range(PLANE, 8), invert=True).any(axis=1)]
     swap = kind[geoms[:, 0]] > kind[geoms[:, 1]]
     geoms[swap] = geoms[swap][:, ::-1]
-    a, b = geoms.T
+    count, own, kinds = _kinds(m)
+    a, b = np.divmod(np.arange(count * count), count)
+    a, b = kinds[a], kinds[b]
     first, second = m.geom_priority[a], m.geom_priority[b]
     dims = np.maximum(m.geom_condim[a], m.geom_condim[b])
     dims = np.where(first > second, m.geom_condim[a], np.where(first < second, m.geom_condim[b], dims))
-    own = np.maximum(m.geom_friction[a], m.geom_friction[b])
-    own = np.where((first > second)[:, None], m.geom_friction[a], own)
-    own = np.where((first < second)[:, None], m.geom_friction[b], own)
-    friction = own[:, [0, 0, 1, 2, 2]]
+    slide = np.maximum(m.geom_friction[a], m.geom_friction[b])
+    slide = np.where((first > second)[:, None], m.geom_friction[a], slide)
+    slide = np.where((first < second)[:, None], m.geom_friction[b], slide)
+    of_pair = own[geoms[:, 0]] * count + own[geoms[:, 1]]
     for k, named in enumerate(np.stack([m.pair_geom1, m.pair_geom2], axis=1)):
-        found = (np.sort(geoms) == np.sort(named)).all(axis=1)
-        dims[found], friction[found] = m.pair_dim[k], m.pair_friction[k]
-    radius = np.where(kind == PLANE, 0.0, m.geom_rbound)
+        of_pair[(np.sort(geoms) == np.sort(named)).all(axis=1)] = count * count + k
+    friction = np.concatenate([slide[:, [0, 0, 1, 2, 2]], m.pair_friction])
     return Pairs(
-        geoms=np.ascontiguousarray(geoms), bound=radius[a] + radius[b], dim=dims.astype(np.int64),
+        geoms=geoms.astype(np.int32), kind=of_pair.astype(np.int32),
+        radius=np.where(kind == PLANE, 0.0, m.geom_rbound),
+        dim=np.concatenate([dims, m.pair_dim]).astype(np.int64),
         friction=np.ascontiguousarray(np.maximum(friction, LEAST)),
     )  # fmt: skip
+
+
+def _kinds(model: mujoco.MjModel) -> tuple[int, Ints, Ints]:
+    """How many geoms there are that contacts resist otherwise; which of these each geom is like (g,), and one
+    geom of each (k,)."""
+    m = model
+    numbers = np.column_stack([m.geom_condim, m.geom_priority, m.geom_friction])
+    rows, geoms, own = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
+    return len(rows), own.ravel().astype(np.int64), geoms.astype(np.int64)
 
 
 def tree(model: mujoco.MjModel) -> Tree:
@@ -186,10 +201,10 @@ def find(
     """Fill in the contacts that are nearer than `within`, and the pair (c,) of each; returns how many, or
     `FULL`."""
     count, place = 0, frames.place
-    for p in range(pairs.bound.shape[0]):
-        a, b = pairs.geoms[p, 0], pairs.geoms[p, 1]
+    for p in range(pairs.kind.shape[0]):
+        a, b = int(pairs.geoms[p, 0]), int(pairs.geoms[p, 1])
         x, y, z = place[b, 0] - place[a, 0], place[b, 1] - place[a, 1], place[b, 2] - place[a, 2]
-        most, before = pairs.bound[p] + within, count
+        most, before = pairs.radius[a] + pairs.radius[b] + within, count
         if shapes.kind[a] == PLANE:
             u = frames.axes[a]
             if shapes.kind[b] == PLANE or shapes.kind[b] == FIELD or x * u[2] + y * u[5] + z * u[8] > most:
@@ -232,8 +247,8 @@ def put_rows(
             frame[k] = found.normal[c, k]
         fill_tangents(frame)
         for k in range(5):
-            seen.friction[c, k] = pairs.friction[p, k]
-        dim = seen.dim[c] = pairs.dim[p]
+            seen.friction[c, k] = pairs.friction[pairs.kind[p], k]
+        dim = seen.dim[c] = pairs.dim[pairs.kind[p]]
         one, other = shapes.body[found.geoms[c, 0]], shapes.body[found.geoms[c, 1]]
         width = _columns(one, other, entries, tree, seen)
         seen.address[c] = rows if width else -1
