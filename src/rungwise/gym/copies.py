@@ -100,7 +100,7 @@ class Copies:
     def begin_at(self, state: State, parameters: Mapping[str, float]) -> Standing:
         """One copy at a state. Raises StateError."""
         given = self.scene.parameters(parameters)
-        places, outcome = self._runs.placed(accepted(self.scene, self.model, state, given), given)
+        places, outcome = self._runs.placed(accepted(self.scene, self.model, [state], given)[0], given)
         points = np.array([list(given.values())])
         return Standing(points, *places, np.full(1, outcome), np.zeros(1))
 

@@ -8,7 +8,7 @@ bodies went is told; a state from which they would have to go farther than `FART
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -220,12 +220,23 @@ def begun(scene: AnyScene, model: Rung | str, **options: Any) -> Any:
     return made
 
 
-def accepted(scene: AnyScene, model: Rung, state: State, parameters: Mapping[str, float] | None) -> State:
-    """The state, or where bodies overlap at it, the nearest one that a run accepts; the state as it is where
+def accepted(
+    scene: AnyScene, model: Rung, states: Sequence[State], parameters: Mapping[str, float] | None
+) -> list[State]:
+    """The states, or where bodies overlap at one, the nearest that a run accepts; the state as it is where
     there is none."""
-    check_state(state, scene)
-    if state.memory is not None or not world_of(scene).place(parameters).geometry(state)[1][0]:
-        return state
+    for state in states:
+        check_state(state, scene)
+    bare = [state for state in states if state.memory is None]
+    overlaps = iter(world_of(scene).place(parameters).geometry(bare)[1] if bare else ())
+    return [
+        _opened(scene, model, state, parameters) if state.memory is None and next(overlaps) else state
+        for state in states
+    ]
+
+
+def _opened(scene: AnyScene, model: Rung, state: State, parameters: Mapping[str, float] | None) -> State:
+    """The nearest state that a run accepts; the state as it is where there is none."""
     made = begun(scene, model, state=state, parameters=parameters, duration=state.time + 1.0, inputs=[])
     return state if made.outcome == Code.INVALID else replace(made.state, time=state.time, memory=None)
 

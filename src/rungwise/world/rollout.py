@@ -133,7 +133,7 @@ def _accepted(
         name: float(np.asarray(value)) for name, value in (parameters or {}).items() if np.ndim(value) == 0
     }
     if isinstance(states, State):
-        return accepted(scene, rung, states, given)
+        return accepted(scene, rung, [states], given)[0]
     if not isinstance(states, Sequence) or not all(isinstance(each, State) for each in states):
         return states
-    return [accepted(scene, rung, each, given) for each in states]
+    return accepted(scene, rung, states, given)
