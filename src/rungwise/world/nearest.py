@@ -230,12 +230,12 @@ def accepted(
     bare = [state for state in states if state.memory is None]
     overlaps = iter(world_of(scene).place(parameters).geometry(bare)[1] if bare else ())
     return [
-        _opened(scene, model, state, parameters) if state.memory is None and next(overlaps) else state
+        _opened_at(scene, model, state, parameters) if state.memory is None and next(overlaps) else state
         for state in states
     ]
 
 
-def _opened(scene: AnyScene, model: Rung, state: State, parameters: Mapping[str, float] | None) -> State:
+def _opened_at(scene: AnyScene, model: Rung, state: State, parameters: Mapping[str, float] | None) -> State:
     """The nearest state that a run accepts; the state as it is where there is none."""
     made = begun(scene, model, state=state, parameters=parameters, duration=state.time + 1.0, inputs=[])
     return state if made.outcome == Code.INVALID else replace(made.state, time=state.time, memory=None)

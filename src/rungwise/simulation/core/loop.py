@@ -76,7 +76,7 @@ def run_step(system: Any, run: Any) -> int:
     solved, dated, waits = 0.0, 0, False
     while True:
         status = take_step(system, run, h)
-        if status != TAKEN and solved > 0.0 and (is_taken(status) or status in (UNSUPPORTED, UNSOLVED)):
+        if solved > 0.0 and status in (UNSUPPORTED, UNSOLVED):
             # What a longer step solves is not given up for its date.
             _take_back(system, run)
             h, solved, looks = solved, 0.0, False
@@ -89,8 +89,6 @@ def run_step(system: Any, run: Any) -> int:
             return int(status)
         took, following = clock.taken, clock.next
         see(system, run, took)
-        if status != TAKEN:
-            return int(status)
         if looks and took > control.step:
             clear = look_back(judge(conditions, w), conditions, inputs, run.control, took, w)
             if clear < 1.0:
@@ -111,9 +109,11 @@ def run_step(system: Any, run: Any) -> int:
                 continue
             waits = end < math.inf
         break
-    clock.next = min(following, control.step) if solved > 0.0 else following
+    clock.next = control.step if solved > 0.0 else following
     if cut and following >= took and is_over(stop, clock.time, took):
         clock.next = max(clock.next, planned)
+    if status != TAKEN:
+        return int(status)
     run.verdict[0] = _judge(run, took)
     if run.verdict[0] == RUNNING:
         run.verdict[0] = spent(system, run, waits)
