@@ -70,41 +70,49 @@ def boxes(heaped: bool, count: int) -> str:
 
 
 def measure(scene: rw.SpaceScene, model: str, steps: int, rounds: int) -> dict[str, Any]:
-    """One scene on one rung; `steps` in all, over the rounds."""
-    run = SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
-    stepper, space = run.stepper, run.space
+    """One scene on one rung; `steps` in all, over the rounds. A second run of the same steps is looked at."""
+    timed, looked = (
+        SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9) for _ in range(2)
+    )  # fmt: skip
+    stepper, space = timed.stepper, timed.space
     own = scene.bind().model
-    own.opt.cone, own.opt.timestep = mujoco.mjtCone.mjCONE_ELLIPTIC, run.step
+    own.opt.cone, own.opt.timestep = mujoco.mjtCone.mjCONE_ELLIPTIC, timed.step
     data = mujoco.MjData(own)
     data.qpos[:], data.qvel[:], data.ctrl[:] = stepper.q, stepper.v, space.control
-    run.steps_taken(5)
+    timed.steps_taken(5)
     each, ours, theirs = steps // rounds, [], []
-    within = halved = 0
-    overlap = 0.0
     for _ in range(rounds):
-        took, taken = 0.0, 0
-        while taken < each and run.outcome == Code.RUNNING:
-            before, deep = stepper.time, space.least_gap(stepper.q)
-            began = time.process_time()
-            run.steps_taken(1)
-            took += time.process_time() - began
-            taken += 1
-            within += float(stepper.clock["residual"]) <= TOLERANCE
-            halved += stepper.time - before < 0.99 * run.step
-            overlap = max(overlap, min(deep, 0.0) - min(space.least_gap(stepper.q), 0.0))
-        ours.append(took / max(taken, 1))
+        began = time.process_time()
+        taken = timed.steps_taken(each)
+        ours.append((time.process_time() - began) / max(taken, 1))
         began = time.process_time()
         for _ in range(each):
             mujoco.mj_step(own, data)
         theirs.append((time.process_time() - began) / each)
     total = int(stepper.clock["steps"]) - 5
+    seen = look(looked, total)
     return {
         "scene": scene.name, "model": model, "steps": total, "steps_per_s": 1.0 / median(ours),
         "mujoco_steps_per_s": 1.0 / median(theirs),
-        "ratio": median(b / a for a, b in zip(ours, theirs, strict=True)),
-        "within": within / max(total, 1), "halved": halved, "overlap": overlap / space.size.length,
-        "outcome": run.outcome.name.lower(), "contacts": int((space.kept.geoms[:, 0] >= 0).sum()),
+        "ratio": median(b / a for a, b in zip(ours, theirs, strict=True)), **seen,
+        "outcome": timed.outcome.name.lower(), "contacts": int((space.kept.geoms[:, 0] >= 0).sum()),
     }  # fmt: skip
+
+
+def look(run: SpaceSimulation, steps: int) -> dict[str, Any]:
+    """What is asked of each of so many steps after the first five."""
+    stepper, space = run.stepper, run.space
+    run.steps_taken(5)
+    within = halved = taken = 0
+    overlap = 0.0
+    while taken < steps and run.outcome == Code.RUNNING:
+        before, deep = stepper.time, space.least_gap(stepper.q)
+        run.steps_taken(1)
+        taken += 1
+        within += float(stepper.clock["residual"]) <= TOLERANCE
+        halved += stepper.time - before < 0.99 * run.step
+        overlap = max(overlap, min(deep, 0.0) - min(space.least_gap(stepper.q), 0.0))
+    return {"within": within / max(taken, 1), "halved": halved, "overlap": overlap / space.size.length}
 
 
 def tell_first(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: int) -> None:
