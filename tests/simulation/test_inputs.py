@@ -153,6 +153,14 @@ def test_a_condition_that_holds_already_ends_its_segment_at_once() -> None:
     assert run.time == 0.5 and run.final["block"]["s"] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("before", [[], [{"duration": 0.2}]])
+def test_a_segment_of_no_length_whose_condition_does_not_hold_ends_the_run(before: list[Any]) -> None:
+    unmet = {"duration": 0.0, "until": "block.s >= 9"}
+    run = rw.simulate(slider(SPEED), "kinematic", inputs=[*before, unmet, {"duration": 1.0}])
+    assert str(run.outcome) == "timeout" and run.time == pytest.approx(0.2 * len(before))
+    assert f"inputs.{len(before)}.until: block.s >= 9 did not hold within 0" in run.reason
+
+
 def test_the_run_goes_on_after_its_schedule_where_a_duration_is_given() -> None:
     segments = [{"inputs": {"u": 1.0}, "duration": 0.25, "ramp": True}]
     run = rw.simulate(slider(SPEED), "dynamic-rigid", inputs=segments, duration=1.0)

@@ -59,3 +59,22 @@ def test_a_compliant_floor_yields_at_once_below_bodies_of_unequal_masses(make: M
     found = run(scene, rw.QUASISTATIC_COMPLIANT, stride=1)
     expected = -(heavy + light) * G / 4.0 / (h * stiffness + damping)
     assert v(found)[2] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("count", [5, 12])
+def test_boxes_on_soft_contacts_come_to_rest(make: Make, count: int) -> None:
+    """The momentum that rounding of places leaves in them is none; what touches nothing keeps its own."""
+    boxes = [
+        free(f"b{i}", f"0 0 {0.1 + 0.2 * i}", 'type="box" size=".1 .1 .1" mass="8"') for i in range(count)
+    ]
+    slow = (
+        '<body name="slow" pos="2 0 1"><joint name="slow" type="slide" axis="1 0 0"/><geom size=".1" mass="1"'
+        ' contype="0" conaffinity="0"/></body>'
+    )
+    scene = make(
+        world(FLOOR, *boxes, slow), duration=2.0, step=1e-3, start={"velocities": {"slow.slow": 1e-12}}
+    )  # fmt: skip
+    found = run(scene, rw.DYNAMIC_COMPLIANT)
+    names = list(scene.template.velocities)
+    assert not v(found)[: 6 * count].any()
+    assert v(found)[names.index("slow.slow")] == 1e-12
