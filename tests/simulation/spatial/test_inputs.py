@@ -71,7 +71,7 @@ def test_segments_of_no_length_and_conditions_that_hold_already_end_at_once(make
     assert (found.outcome.name, found.steps) == ("timeout", 10)
     assert q(found)[0] == pytest.approx(0.5, abs=1e-12)
     unmet = run(driven(make), rw.KINEMATIC, inputs=[{"duration": 0.0, "until": "p.j > 1"}])
-    assert (unmet.steps, unmet.reason) == (0, "inputs.0.until: p.j > 1 did not hold within 0")
+    assert (unmet.steps, unmet.reason) == (0, "inputs.0.until: p.j > 1 did not hold within 0 (from t = 0 on)")
 
 
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)

@@ -119,7 +119,7 @@ def test_conditions_read_gaps_forces_speeds_and_places(make: Make, rung: Rung) -
     assert run(scene, rung, duration=0.3).outcome.name == "timeout"
     unmet = rw.simulate(scene, rung, inputs=[{"duration": 0.2, "until": "b.x > 5"}])
     assert (unmet.outcome.name, unmet.reason) == (
-        "timeout", "inputs.0.until: b.x > 5 did not hold within 0.2",
+        "timeout", "inputs.0.until: b.x > 5 did not hold within 0.2 (from t = 0 on)",
     )  # fmt: skip
 
 

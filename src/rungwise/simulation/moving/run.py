@@ -34,7 +34,7 @@ from rungwise.simulation.moving.memory import PLACES, memory_parts, written
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.values import asked_of, blank_values, slots_of
 from rungwise.simulation.options import MANY, ModelError
-from rungwise.simulation.reasons.remarks import advice, stillness
+from rungwise.simulation.reasons.remarks import advice, stillness, unmet
 from rungwise.simulation.state import Memory, State, StateError
 from rungwise.simulation.stepping.advance import NO_ROOM
 from rungwise.simulation.stepping.loop import (
@@ -364,9 +364,7 @@ class MovingSimulation(Turns, Kind):
         if self.reason:
             return
         if self._loop.verdict[1]:
-            on = self.segment
-            each = self.inputs[on]
-            self.reason = f"inputs.{on}.until: {each.until} did not hold within {each.duration:g}"
+            self.reason = unmet(self.segment, self.inputs[self.segment], float(stepper.clock["switched"]))
         elif self.certificate is not None:
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"

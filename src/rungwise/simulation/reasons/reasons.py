@@ -27,7 +27,7 @@ from rungwise.simulation.planar.state.verdicts import crushed
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.simulation.planar.step.held import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
-from rungwise.simulation.reasons.remarks import advice, remarks, stillness, untouchable
+from rungwise.simulation.reasons.remarks import advice, remarks, stillness, unmet, untouchable
 from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
 from rungwise.system.terms import normals_of, whole
 from rungwise.wording import listed
@@ -190,10 +190,7 @@ class Reasons:
         clock, segment = self.workspace.state.clock[0], self.inputs[number]
         if segment.until is None or clock["time"] < clock["switch"]:
             return ""
-        return (
-            f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
-            f" (from t = {clock['switched']:.6g} on)"
-        )
+        return unmet(number, segment, float(clock["switched"]))
 
     def _snapped(self) -> str:
         """Which body left its balance, when, and which contacts had held it."""

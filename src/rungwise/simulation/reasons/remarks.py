@@ -10,6 +10,7 @@ from rungwise.kernel import RecordArray
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import Outcome
 from rungwise.scene import Scene
+from rungwise.simulation.inputs import Segment
 from rungwise.wording import listed
 
 SHORTENED = 2.0
@@ -71,6 +72,14 @@ def stillness(bodies: Mapping[str, tuple[float, bool]], time: float, tolerance: 
 
 
 @lru_cache(maxsize=64)
+def unmet(number: int, segment: Segment, since: float) -> str:
+    """That the condition of a segment, which began then, did not hold in its time."""
+    return (
+        f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
+        f" (from t = {since:.6g} on)"
+    )
+
+
 def untouchable(scene: Scene) -> tuple[str, ...]:
     """A line for bodies that move, that no joint holds, and that nothing can touch."""
     met = {name for pair in scene.template.contacts for name in pair}
