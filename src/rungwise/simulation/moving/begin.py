@@ -40,7 +40,8 @@ def memory_of(state: State, scene: AnyScene) -> Reals | None:
     where it is of other q, v or time."""
     if state.memory is None or state.memory.scene != digest(scene):
         return None
-    template, values = scene.template, state.memory.values[memory_parts(scene).values]
+    memory, template = state.memory.values, scene.template
+    values = memory[memory_parts(scene, memory).values]
     time = len(template.parameters)
     places = time + 1 + len(template.coordinates)
     rates = places + len(template.velocities)

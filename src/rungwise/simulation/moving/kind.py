@@ -73,7 +73,7 @@ class Kind:
     def frame(self, row: Row) -> Any:
         """A frame of how it was recorded."""
         template, slots = self.scene.template, slots_of(self.scene.template)
-        values, count = row.memory[memory_parts(self.scene).values], len(self._pairs)
+        values, count = row.memory[memory_parts(self.scene, row.memory).values], len(self._pairs)
         places, speeds = (
             values[slots.time + 1 : slots.speeds],
             values[slots.speeds :][: len(template.velocities)],

@@ -30,7 +30,7 @@ from rungwise.simulation.live.observation import Contacts
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Frames, Recorder
 from rungwise.simulation.moving.kind import Kind
-from rungwise.simulation.moving.memory import PLACES, memory_parts, written
+from rungwise.simulation.moving.memory import PLACES, first_value, memory_parts, values_in, written
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.values import asked_of, blank_values, slots_of
 from rungwise.simulation.options import MANY, ModelError
@@ -126,7 +126,7 @@ class MovingSimulation(Turns, Kind):
         most, stride = given.frames or 0, given.stride
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
-        time = memory_parts(scene).values.start + stepper.slots.time
+        time = first_value(scene) + stepper.slots.time
         self._recorder = Recorder(most, stride, HEAD + time)
         self._loop = self._loop._replace(recorded=self._recorder.recorded)
         if before is not None:
@@ -253,7 +253,9 @@ class MovingSimulation(Turns, Kind):
     def _keep_frame(self, stepper: Stepper) -> None:
         """Record the state of the run now."""
         run = self._loop
-        while not self._record_in(stepper.inside, run.setting, run.margins, self._recorder.recorded, True):
+        while not self._record_in(
+            stepper.inside, run.setting, run.asked, run.margins, self._recorder.recorded, True
+        ):
             self._recorder.make_room()
             self._loop = run = run._replace(recorded=self._recorder.recorded)
 
@@ -262,12 +264,14 @@ class MovingSimulation(Turns, Kind):
         stepper = self.stepper
         assert stepper is not None
         inside, run = stepper.inside, self._loop
-        return written(lambda out, bits: int(self._memory_in(inside, run.setting, run.margins, out, bits, 0)))
+        return written(
+            lambda out, bits: int(self._memory_in(inside, run.setting, run.asked, run.margins, out, bits, 0))
+        )
 
     def memory_at(self, memory: Memory, q: Reals) -> Memory:
         """The memory of a state of this scene whose bodies were moved to q (n_q,)."""
         values, first = memory.values.copy(), len(self.scene.template.parameters) + 1
-        values[memory_parts(self.scene).values][first : first + len(q)] = q
+        values[memory_parts(self.scene, values).values][first : first + len(q)] = q
         return replace(memory, values=values)
 
     def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> tuple[list[Fault] | None, bool]:
@@ -278,9 +282,9 @@ class MovingSimulation(Turns, Kind):
         rest, memory = begin_at(state, self.scene, stepper), state.memory
         if rest is None or memory is None:
             return [], False
-        parts, template, slots = memory_parts(self.scene), self.scene.template, stepper.slots
+        parts, template, slots = memory_parts(self.scene, rest), self.scene.template, stepper.slots
         columns = [template.parameters.index(name) for name in template.inputs]
-        values, kept = stepper.watched.values, rest[parts.values]
+        values, kept = stepper.watched.values, values_in(self.scene, rest)
         known = kept[: len(template.parameters)]
         if memory.inputs:
             values[columns] = known[columns]

@@ -74,7 +74,7 @@ def tell_frame(m: Mechanism, s: Any, out: Reals, at: int) -> int:
 
 def frame_of(row: Row, scene: SpaceScene, space: Space) -> Frame:
     """A frame of how it was recorded."""
-    parts, slots, n = memory_parts(scene), slots_of(scene.template), space.model.nv
+    parts, slots, n = memory_parts(scene, row.memory), slots_of(scene.template), space.model.nv
     values = row.memory[parts.values]
     places, speeds = values[slots.time + 1 : slots.speeds], values[slots.speeds :][:n]
     touch = touch_of(contacts_in(row.memory[parts.core], space))

@@ -207,7 +207,7 @@ class _Course:
     def start(self) -> _Place:
         first = self.run.frames[0]
         self.data.qpos[:], self.data.qvel[:], self.data.time = first.q, first.v, first.time
-        core = first.memory[memory_parts(self.run.scene).core]
+        core = first.memory[memory_parts(self.run.scene, first.memory).core]
         self.data.act[:] = activations(core, self.model.na)
         return _Place(first.q, first.v, self.bound.control.copy())
 

@@ -94,7 +94,7 @@ def take_steps(system: Any, run: Loop, steps: int, signals: Ints) -> int:
         if status != SUPPORTED:
             return int(status)
         run.recorded.note[0].since += 1
-        if not record(system, run.setting, run.margins, run.recorded, run.verdict[0] != RUNNING):
+        if not record(system, run.setting, run.asked, run.margins, run.recorded, run.verdict[0] != RUNNING):
             return FULL
     return SUPPORTED
 

@@ -9,7 +9,9 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type, system_kernel
 from rungwise.simulation.stepping.attempt import Setting
+from rungwise.simulation.watched.values import DATES
 from rungwise.system.contract import remember, tell_frame
+from rungwise.system.moving import OF_GAPS, Asked
 
 NOTE = record_type("frames since stride most room", "")
 """Frames in the rows, steps since the last one, from one to the next, how many may be kept in all, none where
@@ -38,7 +40,7 @@ def allocate_recorded(most: int, stride: int, room: int, frames: int) -> Recorde
 
 
 @system_kernel
-def record(system: Any, s: Setting, margins: Reals, recorded: Recorded, always: bool) -> bool:
+def record(system: Any, s: Setting, asked: Asked, margins: Reals, recorded: Recorded, always: bool) -> bool:
     """Record the state of a run now, if it is its turn or `always`; False where there is no room."""
     note = recorded.note[0]
     if note.most == 0 or (not always and note.since < note.stride):
@@ -49,7 +51,7 @@ def record(system: Any, s: Setting, margins: Reals, recorded: Recorded, always: 
     at = begin + HEAD
     if at > rows.shape[0]:
         return False
-    end = put_memory(system, s, margins, rows, recorded.bits, at)
+    end = put_memory(system, s, asked, margins, rows, recorded.bits, at)
     if end < 0:
         return False
     clock = s.state.clock[0]
@@ -68,17 +70,27 @@ def record(system: Any, s: Setting, margins: Reals, recorded: Recorded, always: 
 
 
 @system_kernel
-def put_memory(system: Any, s: Setting, margins: Reals, out: Reals, bits: Ints, at: int) -> int:
+def put_memory(system: Any, s: Setting, asked: Asked, margins: Reals, out: Reals, bits: Ints, at: int) -> int:
     """Write what a run hands on (see `simulation.moving.memory.Parts`) into `out` from `at` on; returns where
     it ends, -1 where there is no room."""
     w, clock = s.watched, s.state.clock[0]
-    if at + 7 + w.levels.shape[0] + w.values.shape[0] > out.shape[0]:
+    gaps, count, pairs = asked.firsts[OF_GAPS], asked.contacts[0], asked.place.shape[0]
+    rest = w.slots[DATES]
+    if at + 8 + w.levels.shape[0] + gaps + 4 * pairs + w.values.shape[0] - rest > out.shape[0]:
         return -1
     out[at], out[at + 1] = clock.segment, clock.varies
     out[at + 2], out[at + 3], out[at + 4] = clock.opened, clock.switched, clock.switch
     at = put(w.levels, out, at + 5)
     at = put(margins, out, at)
-    return int(remember(system, s, out, bits, put(w.values, out, at)))
+    at = put(w.values[:gaps], out, at)
+    out[at] = pairs
+    at += 1
+    for k in range(pairs):
+        out[at] = asked.place[k]
+        for which in range(3):
+            out[at + 1 + which] = w.values[gaps + which * count + asked.place[k]]
+        at += 4
+    return int(remember(system, s, out, bits, put(w.values[rest:], out, at)))
 
 
 @inner_kernel

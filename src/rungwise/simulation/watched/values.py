@@ -34,7 +34,7 @@ class Slots(NamedTuple):
     dates: int
 
 
-TIME, SPEEDS, POSES, FORCES = 0, 1, 2, 3
+TIME, SPEEDS, POSES, FORCES, DATES = 0, 1, 2, 3, 4
 """Places in `Watched.slots`."""
 
 

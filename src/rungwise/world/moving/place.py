@@ -17,7 +17,7 @@ from rungwise.scene.language.terms import LENGTH, TIME, Dimension, Term
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.kind import numbered
-from rungwise.simulation.moving.memory import memory_parts, recall
+from rungwise.simulation.moving.memory import memory_parts, recall, values_in
 from rungwise.simulation.moving.prepared import Numbers
 from rungwise.simulation.moving.values import (
     asked_of,
@@ -91,7 +91,7 @@ class MovingPlace:
         values = blank.copy()
         place_values(stepper.inside, asked, slots, row.time, row.q, row.v, values)
         if row.memory is not None:
-            before = row.memory.values[memory_parts(self.scene).values]
+            before = values_in(self.scene, row.memory.values)
             held = slice(slots.forces + len(template.contacts), slots.dates + SLOTS)
             values[held] = before[held]
             if row.memory.inputs:
@@ -104,7 +104,7 @@ class MovingPlace:
     def _recalled(self, memory: Memory) -> float:
         """Recall a run's last step; how far bodies sank into each other in it."""
         try:
-            self.recall(memory.values[memory_parts(self.scene).core])
+            self.recall(memory.values[memory_parts(self.scene, memory.values).core])
         except ValueError:
             raise StateError("state.memory: is of another scene") from None
         return float(self._stepper.state.deformation[:, 0].max(initial=0.0))

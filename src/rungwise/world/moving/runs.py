@@ -16,7 +16,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.moving.memory import memory_parts, values_in
 from rungwise.simulation.moving.samples import (
     Make,
     Sample,
@@ -101,7 +101,7 @@ class MovingRuns:
         most = BUDGET if budget is None else count("budget", budget, 1)
         self.budget = most if patience is None else patience * WAITS
         self._terms = Terms(scene, model, type(self).make, options, self.budget, False, Stop())
-        self._digest, self._values = digest(scene), memory_parts(scene).values
+        self._digest = digest(scene)
 
     def run(
         self, points: Reals, places: Places | None = None, durations: Reals | None = None,
@@ -141,7 +141,7 @@ class MovingRuns:
     def taken_over(self, place: Places, scene: StatedScene, levels: Reals) -> Places:
         """See `Runs.taken_over`: forces and deformations of contacts are kept."""
         template, own = self.scene.template, place.memory[0].copy()
-        values = own[memory_parts(scene).values]
+        values = own[memory_parts(scene, own).values]
         values[[template.parameters.index(name) for name in template.inputs]] = levels
         memory = np.empty(1, object)
         memory[0] = own
@@ -156,7 +156,7 @@ class MovingRuns:
         return self.taken_over(begun.places, self.scene, levels)
 
     def numbers(self, places: Places) -> Reals:
-        return np.array([memory[self._values] for memory in places.memory])
+        return np.array([values_in(self.scene, memory) for memory in places.memory])
 
     def forces(self, points: Reals, places: Places) -> Reals:
         return np.array(
@@ -169,7 +169,7 @@ class MovingRuns:
     def forces_in(self, memory: Reals, parameters: dict[str, float]) -> Reals:
         """Normal forces (c,) of pairs of bodies in the last step of a run that left this memory."""
         simulation = self._terms.made(Sample(parameters, None, ()))
-        simulation.recall(memory[memory_parts(self.scene).core])
+        simulation.recall(memory[memory_parts(self.scene, memory).core])
         return simulation.forces
 
     def state(self, places: Places, row: int, inputs: tuple[Segment, ...] = ()) -> State:

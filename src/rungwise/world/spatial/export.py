@@ -66,7 +66,8 @@ def _keyframes(scene: SpaceScene, parameters: Mapping[str, float], states: Seque
     for k, state in enumerate(states):
         values, activation = np.array([*parameters.values(), state.time]), bound.activation
         if state.memory is not None and state.memory.scene == own:
-            parts, memory = memory_parts(scene), state.memory.values
+            memory = state.memory.values
+            parts = memory_parts(scene, memory)
             values = memory[parts.values][: len(values)].copy()
             activation = activations(memory[parts.core], len(activation))
         bound.tell(values)

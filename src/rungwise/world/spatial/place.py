@@ -99,5 +99,5 @@ def forces_in(memory: Reals, scene: SpaceScene, made: Prepared) -> Reals:
     """Normal forces (c,) of pairs of bodies in the last step of a run of this scene that left this memory."""
     stepper = Stepper(made.system, KINEMATIC, made.bound.step)
     made.system.forget()
-    recall(stepper, made.system, memory[memory_parts(scene).core])
+    recall(stepper, made.system, memory[memory_parts(scene, memory).core])
     return pushed(made.system, numbered(scene), stepper.state.force)
