@@ -90,8 +90,8 @@ def spheres(count: int, height: float) -> str:
 
 @pytest.mark.parametrize("height", [0.1, 0.11])
 def test_what_a_run_of_many_bodies_holds_grows_as_their_number(tmp_path, height):
-    """Terms and problem of bodies that rest or fall, and bounds of what velocities do to each."""
-    each = []
+    """Terms and problem of bodies that rest or fall, bounds of what velocities do to each, and memories."""
+    each, memories = [], []
     for count in (150, 300):
         (tmp_path / "many.xml").write_text(spheres(count, height))
         run = SpaceSimulation(rw.load(tmp_path / "many.xml"), "dynamic-rigid", duration=0.004, step=1e-3)
@@ -99,5 +99,7 @@ def test_what_a_run_of_many_bodies_holds_grows_as_their_number(tmp_path, height)
         assert run.stepper.contacts == (count if height == 0.1 else 0)
         bytes_held = held(run.stepper.terms, run.stepper.problem, run.space.mechanism.rates)
         each.append(bytes_held / count)
+        memories.append(run.memory().nbytes / count)
     assert each[1] == pytest.approx(each[0], rel=0.02)
     assert each[1] < 2e4
+    assert memories[1] == pytest.approx(memories[0], rel=0.05)
