@@ -11,6 +11,9 @@ the same model with its own settings: Newton, elliptic cones, its step the scene
   within    share of the steps taken whose residual is within 1e-8; halved: steps that were shortened
   overlap   greatest overlap that a rigid step added, over the size of the smallest geom
 
+--whole N says instead what a run of N steps takes by `rw.simulate`, with its set-up and a frame of each step,
+over N steps of MuJoCo; and what a rollout of eight such runs takes in one thread over two, in wall time.
+
 --first says instead how long each of the first N steps takes, in which bodies fall: the mean, the 99th
 percentile and the greatest, in milliseconds of processor time.
 """
@@ -130,6 +133,34 @@ def tell_first(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: in
             print(f"{scene.name:8} {model:18} {steps:6} {numbers}", flush=True)
 
 
+def tell_whole(scenes: Sequence[rw.SpaceScene], models: Sequence[str], steps: int) -> None:
+    """Print what whole runs take, beside MuJoCo's steps, and rollouts in one thread, over two."""
+    print(f"{'scene':8} {'model':18} {'steps':>6} {'us a step':>9} {'over MuJoCo':>11} {'threads':>8}")
+    for scene in scenes:
+        own = scene.bind().model
+        own.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        data, span = mujoco.MjData(own), steps * scene.bind().step
+        for model in models:
+            ours, theirs, threads, state = [], [], [], rw.State.of(scene)
+            for _round in range(4):
+                began = time.process_time()
+                run = rw.simulate(scene, model, duration=span, frames=steps + 1, stride=1)
+                ours.append((time.process_time() - began) / max(run.steps, 1))
+                began = time.process_time()
+                for _ in range(steps):
+                    mujoco.mj_step(own, data)
+                theirs.append((time.process_time() - began) / steps)
+                walls = []
+                for count in (1, 2):
+                    began = time.perf_counter()
+                    rw.rollout(scene, model, states=[state] * 8, durations=span, threads=count, chunk=1)
+                    walls.append(time.perf_counter() - began)
+                threads.append(walls[0] / walls[1])
+            ratio = median(a / b for a, b in zip(ours[1:], theirs[1:], strict=True))
+            took = f"{1e6 * median(ours[1:]):9.0f} {ratio:11.2f} {median(threads[1:]):8.2f}"
+            print(f"{scene.name:8} {model:18} {run.steps:6} {took}", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -139,10 +170,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--steps", type=int, default=8000)
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--whole", type=int, metavar="N", help="say what whole runs of N steps take")
     parser.add_argument("--first", type=int, metavar="N", help="say what each of the first steps takes")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         scenes = [scene_of(name, Path(folder)) for name in chosen.scenes]
+        if chosen.whole:
+            tell_whole(scenes, chosen.models, chosen.whole)
+            return 0
         if chosen.first:
             tell_first(scenes, chosen.models, chosen.first)
             return 0

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rungwise.deadline import Running, clock, set_at
-from rungwise.kernel import Ints, Reals, linking_time, steady
+from rungwise.kernel import Ints, Reals, linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
@@ -56,11 +56,6 @@ MANY_STEPS = 1 << 30
 
 Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
-
-
-def _as_it_is(kernel: Any) -> Any:
-    """Kernels of systems in Python are Python."""
-    return kernel
 
 
 def _until(seconds: float | None, signals: Ints) -> AbstractContextManager[None]:
@@ -103,9 +98,8 @@ class MovingSimulation(Turns, Kind):
             allocate_snapshot(stepper.setting), allocate_margins(), np.array([int(Code.RUNNING), 0]),
             allocate_recorded(0, 1, 0, 0),
         )  # fmt: skip
-        compiled = steady if stepper.is_compiled else _as_it_is
-        self._steps_in, self._begin_in = compiled(take_steps), compiled(begin_run)
-        self._record_in, self._memory_in = compiled(record), compiled(put_memory)
+        self._steps_in, self._begin_in = stepper.steady(take_steps), stepper.steady(begin_run)
+        self._record_in, self._memory_in = stepper.steady(record), stepper.steady(put_memory)
         self._asked = False
         before: list[Fault] | None = []
         goes_on = False
@@ -224,10 +218,9 @@ class MovingSimulation(Turns, Kind):
             return taken
         if stepper.outcome != Code.RUNNING:
             self.outcome, self.certificate = stepper.outcome, stepper.certificate
+            self._keep_frame(stepper)
         else:
             self.outcome = Code(int(self._loop.verdict[0]))
-        if stepper.outcome != Code.RUNNING:
-            self._keep_frame(stepper)
         if self.outcome != Code.RUNNING:
             self._explain(stepper)
         return taken

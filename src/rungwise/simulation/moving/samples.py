@@ -169,6 +169,7 @@ def _told(run: Callable[[Terms, Sample], Sampled], terms: Terms, sample: Sample)
 def _begun(terms: Terms, sample: Sample) -> Sampled:
     simulation = terms.made(sample)
     if simulation.stepper is None or simulation.outcome == Code.INVALID:
+        simulation.give_back()
         return nothing(terms.scene, simulation.reason)
     found = _sampled(simulation, simulation.stepper, 0, 0.0, None)
     simulation.give_back()
@@ -179,6 +180,7 @@ def _ran(terms: Terms, sample: Sample) -> Sampled:
     simulation = terms.made(sample)
     stepper = simulation.stepper
     if stepper is None or simulation.outcome == Code.INVALID:
+        simulation.give_back()
         return nothing(terms.scene, simulation.reason)
     begun, solved = simulation.steps, int(stepper.clock["solves"])
     worked = float(stepper.clock["drive_work"])

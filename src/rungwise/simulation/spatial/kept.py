@@ -35,12 +35,8 @@ class KeptSimulation(SpaceSimulation):
 
     def give_back(self) -> None:
         made, self.made = self.made, None
-        if made is None:
-            return
-        with _in_turn:
-            _free.append(_Free(self.key, made))
-            while len(_free) > 1 and sum(each.made.bytes for each in _free) > KEPT:
-                del _free[0]
+        if made is not None:
+            give_back(self.key, made)
 
 
 def prepared(scene: SpaceScene, parameters: dict[str, float]) -> tuple[Any, Prepared]:
@@ -51,6 +47,14 @@ def prepared(scene: SpaceScene, parameters: dict[str, float]) -> tuple[Any, Prep
             if _free[k].key == key:
                 return _free.pop(k)
     return key, Prepared.of(scene, parameters)
+
+
+def give_back(key: Any, made: Prepared) -> None:
+    """Its user has no more use for the scene of this key."""
+    with _in_turn:
+        _free.append(_Free(key, made))
+        while len(_free) > 1 and sum(each.made.bytes for each in _free) > KEPT:
+            del _free[0]
 
 
 def kept_simulation(

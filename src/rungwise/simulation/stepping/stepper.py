@@ -141,9 +141,9 @@ class Stepper:
         self.watched = allocate_watched(clock, self.values, np.zeros(len(self.inputs.columns)), self.slots)
         self._has_kernels = isinstance(getattr(self.system, "mechanism", None), Block)
         self._told = (ToldSystem if self._has_kernels else PlainSystem)(self.system, self._further)
-        self._solve, self._advance_in = steady(solve_step), self._steady(advance)
-        self._lead_in, self._here_in, self._snaps_in = map(self._steady, (lead, fill_here, snaps_on))
-        self._attempt_in, self._fill_in, self._reach_in = map(self._steady, (attempt, fill_terms, reach_of))
+        self._solve, self._advance_in = steady(solve_step), self.steady(advance)
+        self._lead_in, self._here_in, self._snaps_in = map(self.steady, (lead, fill_here, snaps_on))
+        self._attempt_in, self._fill_in, self._reach_in = map(self.steady, (attempt, fill_terms, reach_of))
         self.clock["limited"] = size.limited
         self.clock["surfaces"] = bool((self.terms.surface != APART).any())
         self.clock["next"] = self.step
@@ -153,7 +153,8 @@ class Stepper:
         """Whether steps are compiled: those of a system of kernels without further laws of contact."""
         return self._further is None and self._has_kernels
 
-    def _steady(self, kernel: Any) -> Any:
+    def steady(self, kernel: Any) -> Any:
+        """A caller of a kernel of systems, for this run alone; plain Python where its steps are."""
         return steady(kernel) if self.is_compiled else kernel
 
     @property

@@ -8,7 +8,7 @@ from typing import ClassVar
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.moving.samples import Make
-from rungwise.simulation.spatial.kept import kept_simulation, prepared
+from rungwise.simulation.spatial.kept import give_back, kept_simulation, prepared
 from rungwise.world.moving.runs import MovingRuns
 from rungwise.world.spatial.place import forces_in
 
@@ -22,4 +22,7 @@ class SpatialRuns(MovingRuns):
     most: ClassVar[int] = os.cpu_count() or 1
 
     def forces_in(self, memory: Reals, parameters: dict[str, float]) -> Reals:
-        return forces_in(memory, self.scene, prepared(self.scene, parameters)[1])
+        key, made = prepared(self.scene, parameters)
+        found = forces_in(memory, self.scene, made)
+        give_back(key, made)
+        return found
